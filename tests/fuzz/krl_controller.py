@@ -62,7 +62,7 @@ class KrlController:
         self, files: Mapping[str, str], frames: Mapping[str, Mapping[str, np.ndarray]],
         rng: np.random.Generator,
     ) -> None:  # fmt: skip
-        self.rng, self.frames = rng, frames
+        self.rng, self.frames = rng, {side: dict(table) for side, table in frames.items()}
         self.lines: list[str] = []
         self.routines: dict[str, tuple[list[tuple[str, bool]], int, int]] = {}
         self.data: dict[str, Any] = {}
@@ -274,6 +274,9 @@ class KrlController:
             setattr(self, line[1:5], matrix(self.value(line[6:], local)))
         elif match := re.match(r"bas\(#(base|tool),(.*)\)$", line):
             setattr(self, match[1], self.frames[match[1]][str(self.number(match[2], local))])
+        elif match := re.match(r"(base|tool)_data\[(.*)\]=(.*)$", line):
+            number = str(self.number(match[2], local))
+            self.frames[match[1]][number] = matrix(self.value(match[3], local))
         elif match := re.match(r"(?:lin|ptp|circ) (.*)$", line):
             targets = split(match[1], ",")
             for number, text in enumerate(targets, 1):

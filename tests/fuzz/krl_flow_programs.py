@@ -120,6 +120,9 @@ class FlowWriter:
                 f"$TOOL=TOOL_DATA[{pen.whole(1, 2)}]", f"$BASE=BASE_DATA[1]:{pen.pick(*FRAMES)}",
                 "$BASE=$NULLFRAME",
             )  # fmt: skip
+        if kind <= 13 and pen.chance(0.06):
+            side, number = pen.pick("BASE", "BASE", "TOOL"), pen.pick("1", "1", "2", "nb")
+            return f"{side}_DATA[{number}]={self._pose(300.0)}"
         if kind <= 13:
             return f"{point}.{pen.pick(*'XYZA')}={self._number(counter)}"
         if kind == 14:

@@ -252,3 +252,49 @@ def test_global_points_that_are_compensated_are_told() -> None:
         assert (
             any("a.dat: 2 targets are GLOBAL points (gp, gf)" in n for n in program.notes) == told
         )
+
+
+SETS = "DEF set()\nBASE_DATA[1]={X 5,Y 0,Z 0,A 0,B 0,C 0}\nEND\n"
+USES = "DEF use()\n$TOOL=$NULLFRAME\n$BASE=BASE_DATA[1]\nLIN {X 1,Y 2,Z 3,A 0,B 0,C 0}\nEND\n"
+
+
+@pytest.mark.parametrize(
+    ("first", "second", "base"),
+    [
+        (SETS, USES, 5.0),
+        (USES, SETS, None),  # whether it runs before is not known: one may call the other
+        (USES, SETS.replace("DEF set()", "DEF set()\nuse()"), None),
+        (USES, SETS.replace("[1]", "[2]"), 7.0),
+        (SETS.replace("[1]", "[n]"), USES, None),
+        (USES, SETS.replace("[1]={X", "[1].X=3 ;{"), None),
+        # another value between the first and the use, but for a program that sets its own
+        (SETS, SETS.replace("X 5", "X 6").replace("set", "two") + USES, None),
+        (SETS, USES.replace("$BASE", "BASE_DATA[1]={X 6,Y 0,Z 0,A 0,B 0,C 0}\n$BASE"), 6.0),
+        (
+            SETS,
+            USES.replace("$BASE", "BASE_DATA[1]={X 6,Y 0,Z 0,A 0,B 0,C 0}\nset()\n$BASE"),
+            None,
+        ),
+    ],
+)
+def test_base_data_that_another_program_sets(first: str, second: str, base: float | None) -> None:
+    frame = np.eye(4)
+    frame[0, 3] = 7.0 * MM
+    files = [("one.src", first.encode()), ("two.src", second.encode())]
+    job = LANGUAGE.read_job(files, frames=FrameTable(bases={"1": frame}))
+    used = next(program for program in job if len(program))
+    if base is None:
+        assert used.reason.tolist() == [Reason.UNKNOWN_FRAME]
+        assert "the base data 1 is also set elsewhere" in "\n".join(used.notes)
+    else:
+        assert used.reason.tolist() == [Reason.NONE]
+        assert used.T_base_frame[used.frame[0], 0, 3] == base * MM
+
+
+def test_base_data_set_by_a_computed_number_leave_no_number_known() -> None:
+    lines = "n=1\nBASE_DATA[n]={X 5,Y 0,Z 0,A 0,B 0,C 0}\n$BASE"
+    (program,) = LANGUAGE.read_job(
+        [("use.src", USES.replace("$BASE", lines).encode())],
+        frames=FrameTable(bases={"1": np.eye(4)}),
+    )
+    assert program.reason.tolist() == [Reason.UNKNOWN_FRAME]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -105,6 +105,7 @@ class Frames:
         cures: The sentence for each one that is not known.
         scope: Which file a name belongs to.
         fdat: Inline-form data by name in that scope.
+        may_differ: Whether side and number may have another value in a line than the last one set.
     """
 
     def __init__(self, table: FrameTable, name: str) -> None:
@@ -124,6 +125,7 @@ class Frames:
         }
         self._unknown: dict[tuple[str, str], int] = {}
         self._data: dict[tuple[str, str], int] = {}
+        self.may_differ: Callable[[str, str, int], bool] = lambda side, number, line: False
 
     def index_frame(self, side: str, matrix: Array, *keys: str) -> int:
         """Returns the index of a frame, entering it if it is new.
@@ -187,6 +189,9 @@ class Frames:
                 side, line, f"number {number or '?'} is computed", "write the number out"
             )
         number = plain_key(number)
+        if self.may_differ(side, number, line):
+            what, cure = f"data {number} is also set elsewhere", "set it before its use there"
+            return self.unknown(side, line, what, cure)
         if (side, number) in self._data:
             return self._data[side, number]
         matrix = _lookup(self._choose_table(side), number)

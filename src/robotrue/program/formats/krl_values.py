@@ -116,8 +116,15 @@ class KrlValues:
 
     def routine_at(self, line: int) -> str:
         """Returns the routine that contains a line; empty before the first."""
+        return self._start_at(line)[1]
+
+    def begin_of(self, line: int) -> int:
+        """Returns the first line of the routine that contains a line."""
+        return self._start_at(line)[0]
+
+    def _start_at(self, line: int) -> tuple[int, str]:
         at = bisect_right(self._starts, line, key=lambda start: start[0]) - 1
-        return self._starts[max(at, 0)][1]
+        return self._starts[max(at, 0)]
 
     def key(self, name: str, line: int) -> str:
         """Returns a name as it is meant in a line: after its routine if it is local there."""

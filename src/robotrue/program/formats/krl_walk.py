@@ -31,6 +31,7 @@ from robotrue.program.formats.krl_scan import (
     STATEMENT,
     Scan,
 )
+from robotrue.program.formats.krl_stored_data import StoredData
 from robotrue.program.formats.krl_values import KrlCall, VariableChange, split_calls
 from robotrue.program.program import Motion, Reason
 
@@ -91,6 +92,8 @@ class KrlWalk(KrlPoints):
         self.derived: list[tuple[int, str, str, str]] = []
         self.main = -1
         self._storing = False
+        self._stored, self._calls = StoredData(), list[int]()
+        frames.may_differ = self._may_differ
 
     def data_file(self, file: int) -> None:
         """Reads declarations only."""
@@ -130,9 +133,15 @@ class KrlWalk(KrlPoints):
         """Reads every statement in program order."""
         self.main = file
         self._state_computed(file)
-        for line in np.flatnonzero(self.scans[file].line_kind == STATEMENT).tolist():
+        lines = np.flatnonzero(self.scans[file].line_kind == STATEMENT).tolist()
+        self._stored.add((line, self._code(file, line)) for line in lines)
+        for line in lines:
             self.scope.reach(line)
             self._statement(file, line, self._code(file, line))
+
+    def _may_differ(self, side: str, number: str, line: int) -> bool:
+        begin = self.values.begin_of(line)
+        return self._stored.may_differ(side, number, line, begin, self._calls)
 
     def _state_computed(self, file: int) -> None:
         """Makes plain motions to aggregates with expressions statements, which are read as text."""
@@ -215,6 +224,8 @@ class KrlWalk(KrlPoints):
             if started[1].lower() == "trigger":
                 self.flow.trigger(2 * line, self._routines_to_follow(routines))
             return
+        if any(map(self.scope.has_routine, routines)):
+            self._calls.append(line)
         followed = self._routines_to_follow(routines)
         node = self.flow.call(2 * line, followed) if followed else -1
         for called, arguments in split_calls(code):
