@@ -12,6 +12,7 @@ from robotrue.calibration.belief import (
     Belief,
     add_variance,
     condition,
+    spread_columns,
     standard_terms,
     with_centres,
     with_harmonics,
@@ -120,6 +121,22 @@ def test_model_and_belief_are_two_forms_of_one_thing(belief):
     square = model_of(tall, {})
     assert len(square.root) <= len(belief.mean)
     np.testing.assert_allclose(square.root.T @ square.root, belief.root.T @ belief.root, atol=1e-18)
+
+
+@pytest.mark.parametrize("places", [[], [0, 1, 2], [1, 2, 4, 7], [5, 6, 0], [2, 3, 2]])
+def test_columns_are_spread_over_their_places_by_runs(places):
+    root = np.random.default_rng(1).standard_normal((4, len(places)))
+    expected = np.zeros((4, 8))
+    for column, place in enumerate(places):
+        expected[:, place] = root[:, column]
+    np.testing.assert_array_equal(spread_columns(root, np.array(places, int), 8), expected)
+
+
+def test_a_model_keeps_the_root_made_for_it_without_a_copy(belief):
+    model = model_of(belief, {})
+    assert model.root.base is None
+    assert not model.root.flags.writeable
+    assert not np.shares_memory(model.root, belief.root)
 
 
 def test_a_model_without_joint_covariance_is_refused():

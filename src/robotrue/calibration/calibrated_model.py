@@ -18,7 +18,13 @@ import numpy as np
 
 from robotrue.calibration.archive import robot_arrays, robot_document
 from robotrue.calibration.arm import ArmWithTerms, LinearArm, parts_of, prepare_arm
-from robotrue.calibration.belief import Belief, compress_root, root_of_covariance, standard_terms
+from robotrue.calibration.belief import (
+    Belief,
+    compress_root,
+    root_of_covariance,
+    spread_columns,
+    standard_terms,
+)
 from robotrue.calibration.evidence import spread
 from robotrue.calibration.held_out_blocks import HeldOutRows
 from robotrue.calibration.model import Prediction, Query, no_dependence
@@ -118,9 +124,8 @@ class CalibratedModel(Columns):
             part, columns = root_of_covariance(self.covariance), np.arange(len(self.errors))
         else:
             part, columns = self.root, self.columns.astype(np.int64)
-        root = np.zeros((len(part), len(mean)))
         # Old archives may name a base column twice, once for its station: the last one counts.
-        root[:, columns] = part
+        root = spread_columns(part, columns, len(mean))
         return Belief(
             robot=self.robot,
             terms=terms,
@@ -388,6 +393,8 @@ def model_of(
     whole = compress_root(whole) if compact else whole
     root = whole[:, :end]
     columns = np.flatnonzero(root.any(axis=0))
+    kept = np.take(root, columns, axis=1)
+    kept.flags.writeable = False  # the model then keeps it without another copy
     physical = root[:, : len(belief.errors)]
     variance = belief.inflation * np.einsum("ij,ij->j", root, root)
     said = [
@@ -411,7 +418,7 @@ def model_of(
         terms=belief.terms,
         values=belief.values,
         columns=columns.astype(np.float64),
-        root=root if len(columns) == root.shape[1] else root[:, columns],
+        root=kept,
         inflation=belief.inflation,
     )
 

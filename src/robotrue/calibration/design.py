@@ -141,7 +141,7 @@ class Design(StandardTerms):
             lower = np.linalg.cholesky(item.total(self.noise))
             inverse = np.linalg.inv(lower)
             yield WhitenedRows(
-                columns=inverse @ item.columns[:, :, used],
+                columns=inverse @ np.take(item.columns, used, axis=2),  # faster than an index
                 values=(inverse @ item.values[:, :, None])[:, :, 0],
                 lower=np.asarray(lower, dtype=np.float64),
                 instrument=item.covariance,

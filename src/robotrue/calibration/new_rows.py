@@ -91,7 +91,7 @@ class NewRows:
         about = np.concatenate([belief.errors, np.zeros(self.nuisances)])
         state = self._state(belief.actual)
         return [
-            replace(rows, columns=rows.columns[:, :, order])
+            replace(rows, columns=np.take(rows.columns, order, axis=2))
             for rows in linear_rows(
                 self.observations, self.layout, state, about, belief.terms, belief.values, chosen
             )

@@ -34,8 +34,8 @@ CHANNELS: Final = 2
 """Learned white noise: of lengths (m^2) and of angles (rad^2)."""
 CHUNK: Final = 2048
 """Rows linearised at a time: bounds the memory of the chain walk."""
-ROWS: Final = 512
-"""Rows at a time where terms have separate columns."""
+ROWS: Final = 128
+"""Rows at a time where terms have separate columns: their memory is reused, not returned."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
