@@ -41,6 +41,8 @@ Key: TypeAlias = tuple[Hashable, ...]
 LIBRARIES: Final = [
     "matplotlib.figure",
     "numba",
+    "pandas",  # pyarrow loads it with the first array or table
+    "pyarrow.dataset",
     "scipy.optimize",
     "scipy.spatial.transform",
     "robotrue.app.operations.calibrate",
