@@ -29,6 +29,10 @@ Take = Callable[[int, int, bytes], None]
 """Takes an odd block: its number, its first byte, its text without the comment."""
 
 
+CALLED: Final = "called"
+"""The shift of a program that is called while coordinates are shifted: it cannot end it."""
+
+
 @dataclass(slots=True)
 class Findings:
     """Results of the slow reader, by block.
@@ -36,6 +40,8 @@ class Findings:
     Attributes:
         groups: States that programs of the control can set.
         shifts: Coordinate shifts in force.
+        moved: Those that may be in force, also behind calls and jumps.
+        breaks: Blocks behind which the modal state is uncertain, with whether any is ``moved``.
         words: (block, column, first byte, bytes, value); NaN and -1 for one that is computed.
         state: Settings by (block, group).
         lost: Columns that are unknown when a block ends, by block.
@@ -53,6 +59,8 @@ class Findings:
 
     groups: tuple[Modal, ...] = tuple(Modal)
     shifts: dict[str, bool] = field(default_factory=dict)
+    moved: set[str] = field(default_factory=set)
+    breaks: list[tuple[int, bool]] = field(default_factory=list)
     words: list[tuple[int, int, int, int, float]] = field(default_factory=list)
     state: dict[tuple[int, int], int] = field(default_factory=dict)
     lost: dict[int, tuple[int, ...]] = field(default_factory=dict)
@@ -78,7 +86,8 @@ class Findings:
 
     def barrier(self, block: int) -> None:
         """Discards the modal state: code between this block and the next is not read."""
-        self.shifts.clear()
+        self.breaks.append((block, bool(self.moved)))
+        self.shifts = {CALLED: True} if CALLED in self.shifts else {}
         for group in self.groups:
             self.state.setdefault((block, int(group)), UNCERTAIN)
         self.lost[block] = (*ALL, *range(WordColumn.J1, WordColumn.J6 + 1))
@@ -86,6 +95,7 @@ class Findings:
     def shift(self, block: int, kind: str, on: bool) -> None:
         """Records that coordinates are moved, turned or scaled in one way, or no longer."""
         self.shifts[kind] = on
+        (self.moved.add if on else self.moved.discard)(kind)
         self.set(block, Modal.SHIFTED, int(any(self.shifts.values())))
 
     def forget(self, block: int, columns: tuple[int, ...] = ALL) -> None:

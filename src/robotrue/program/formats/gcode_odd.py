@@ -160,6 +160,7 @@ class OddReader:
         self.found.forget(block, columns)
         if inner.shifts:
             self.found.shifts["skipped"] = True
+            self.found.moved.add("skipped")
         for _, group in inner.state:
             self.found.state[block, group] = UNCERTAIN
 
@@ -378,6 +379,8 @@ class _Block:
         self._out.local.append((self._block, named, (x, y, z)))
         self._out.set(self._block, Modal.FRAME, NAMED - self._out.name(named))
         self._out.shift(self._block, "local", False)
+        if any((x, y, z)):  # a work frame here, but not in a program that is called
+            self._out.moved.add("local")
         self._out.forget(self._block, POINT)  # the angles are about the same axes
         self._quiet, self._at = True, len(self._text)
         return True

@@ -122,7 +122,7 @@ class NumberedFrames:
         printed, number = number.strip(), plain_key(number)
         what = self._changed.get((side, number)) or self._elsewhere.get((side, number))
         if what:
-            return self.unknown(side, f"{number} {what}", line, "compensate without it")
+            return self.unknown(side, f"{printed} {what}", line, "compensate without it")
         for key, matrix in self._given[side].items():
             if plain_key(key) == number:
                 index = self._enter(side, number, np.asarray(matrix, dtype=np.float64))

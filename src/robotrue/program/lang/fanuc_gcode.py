@@ -18,7 +18,7 @@ from robotrue.program.lang.word_languages import (
     path_inserter,
     write_words,
 )
-from robotrue.program.language import Cutter, Language, read_each
+from robotrue.program.language import Cutter, Language, NamedBytes
 from robotrue.program.program import FrameTable, Program
 
 _OWN: Final = re.compile(
@@ -31,11 +31,11 @@ def _score(data: bytes) -> float:
     return score_g_code(data, _OWN)
 
 
-def _read(data: bytes, name: str, frames: FrameTable) -> Program:
+def _read(files: NamedBytes, frames: FrameTable) -> tuple[Program, ...]:
     from robotrue.program.formats.gcode_read import read_gcode
     from robotrue.program.formats.gcode_vocabulary import FANUC
 
-    return read_gcode(data, name, FANUC, frames)
+    return read_gcode(files, FANUC, frames)
 
 
 def _cutter() -> Cutter:
@@ -48,7 +48,7 @@ LANGUAGE: Final = Language(
     name="fanuc_gcode",
     suffixes=(".nc", ".tap", ".cnc", ".ngc"),
     score=_score,
-    reader=read_each(_read),
+    reader=_read,
     writer=write_words,
     cutter=_cutter,
     long=LONG_PATH,

@@ -16,7 +16,7 @@ from robotrue.core.units import MM
 from robotrue.program.formats.stated_feeds import FLAGS, PLAIN, RAPID, last_stated
 from robotrue.program.formats.text_lines import line_starts
 from robotrue.program.lang.word_languages import LONG_PATH, list_losses, write_words
-from robotrue.program.language import Cutter, Language, read_each
+from robotrue.program.language import Cutter, Language, NamedBytes
 from robotrue.program.program import FrameTable, Program
 
 _HEAD: Final = re.compile(rb"(?im)^[ \t]*+(?:0++[ \t]++)?BEGIN PGM\b")
@@ -30,10 +30,11 @@ def _score(data: bytes) -> float:
     return 0.7 * bool(_HEAD.search(data)) + 0.3 * bool(_LINE.search(data))
 
 
-def _read(data: bytes, name: str, frames: FrameTable) -> Program:
-    from robotrue.program.formats.gcode_read import read_heidenhain
+def _read(files: NamedBytes, frames: FrameTable) -> tuple[Program, ...]:
+    from robotrue.program.formats.gcode_read import read_gcode
+    from robotrue.program.formats.gcode_vocabulary import HEIDENHAIN
 
-    return read_heidenhain(data, name, frames)
+    return read_gcode(files, HEIDENHAIN, frames)
 
 
 def _feeds(program: Program) -> Array:
@@ -61,7 +62,7 @@ LANGUAGE: Final = Language(
     name="heidenhain",
     suffixes=(".h",),
     score=_score,
-    reader=read_each(_read),
+    reader=_read,
     writer=write_words,
     cutter=_cutter,
     long=LONG_PATH,

@@ -21,7 +21,7 @@ from robotrue.program.lang.word_languages import (
     path_inserter,
     write_words,
 )
-from robotrue.program.language import Cutter, FrameForm, Language, TableForm, read_each
+from robotrue.program.language import Cutter, FrameForm, Language, NamedBytes, TableForm
 from robotrue.program.program import FrameTable, Program
 
 _OWN: Final = re.compile(
@@ -53,11 +53,11 @@ def _score(data: bytes) -> float:
     return score_g_code(data, _OWN)
 
 
-def _read(data: bytes, name: str, frames: FrameTable) -> Program:
+def _read(files: NamedBytes, frames: FrameTable) -> tuple[Program, ...]:
     from robotrue.program.formats.gcode_read import read_gcode
     from robotrue.program.formats.gcode_vocabulary import SINUMERIK
 
-    return read_gcode(data, name, SINUMERIK, frames)
+    return read_gcode(files, SINUMERIK, frames)
 
 
 def _print_frame(xyz: Array, R: Array, name: str, number: int) -> str:
@@ -80,7 +80,7 @@ LANGUAGE: Final = Language(
     name="sinumerik",
     suffixes=(".mpf", ".spf", ".arc"),
     score=_score,
-    reader=read_each(_read),
+    reader=_read,
     writer=write_words,
     cutter=_cutter,
     long=LONG_PATH,
