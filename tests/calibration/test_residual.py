@@ -17,10 +17,10 @@ from robotrue.calibration.learned import (
     LearnedParts,
     climb_ladder,
     first_design,
-    renew_linearisation,
 )
 from robotrue.calibration.methods import FitSettings
 from robotrue.calibration.model import Query
+from robotrue.calibration.relinearisation import renew_linearisation
 from robotrue.calibration.scale_learning import learn
 from robotrue.calibration.settings import free_groups
 from robotrue.calibration.terms.smooth import SmoothBasis

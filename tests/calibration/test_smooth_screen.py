@@ -17,13 +17,16 @@ from robotrue.calibration.learned import (
     LearnedParts,
     climb_ladder,
     first_design,
-    measure_bend,
-    settle_linearisation,
 )
 from robotrue.calibration.methods import FitSettings
 from robotrue.calibration.parameters import retract
+from robotrue.calibration.relinearisation import measure_bend, settle_linearisation
 from robotrue.calibration.settings import free_groups
-from robotrue.calibration.smooth_screen import AMPLITUDES, compare_left_out
+from robotrue.calibration.smooth_screen import (
+    AMPLITUDES,
+    add_smooth_columns,
+    compare_left_out,
+)
 from robotrue.calibration.terms.smooth import choose_centres
 from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.robot.model import parameter_slice
@@ -90,10 +93,19 @@ def test_parts_left_out_by_elimination_are_refits_without_them(fit, parts):
     assert smooth < plain  # there is a smooth error
 
 
+def test_sums_with_a_smooth_residual_grow_from_those_without(fit):
+    at, richer = fit
+    assert not any(s.few for s in at.sums)
+    for found, made in zip(add_smooth_columns(richer, at.sums), richer.sums(), strict=True):
+        np.testing.assert_allclose(found.gram, made.whole_gram(), rtol=1e-9, atol=1e-6)
+        np.testing.assert_allclose(found.pull, made.pull, rtol=1e-9, atol=1e-6)
+        assert (found.power, found.count) == pytest.approx((made.power, made.count))
+
+
 def test_auto_fits_no_smooth_residual_by_which_its_folds_gain_nothing(data, monkeypatch):
     seen = []
 
-    def lose(design, sums, fit, amplitude, parts):
+    def lose(design, sums, fit, amplitude, parts, kept):
         seen.append(parts)
         return 1e-4, 2e-4
 

@@ -21,7 +21,7 @@ from robotrue.calibration.drift_prior import SourceDrift, carry_over
 from robotrue.calibration.learners.search import deviation_axes, search_theta
 from robotrue.calibration.new_rows import NUISANCE_SD, left_out_lengths
 from robotrue.calibration.observations import LinearRows
-from robotrue.core.arrays import Array, IntArray
+from robotrue.core.arrays import Array, IntArray, as_range
 
 STEPS: Final = 60
 UNSEEN: Final = 1.0
@@ -81,7 +81,7 @@ class DriftEvidence:
         columns = stack.columns[:, :end]
         waves, field = belief.columns_by_carry("waves"), belief.columns_by_carry("field")
         parts = (np.setdiff1d(np.arange(end), np.concatenate([waves, field])), waves, field)
-        roots = [belief.root[:, p] @ columns[:, p].T for p in map(_as_range, parts)]
+        roots = [belief.root[:, p] @ columns[:, p].T for p in map(as_range, parts)]
         fresh, nuisance = columns[:, drift.field], stack.columns[:, end:]
         self._drift, self._stack = drift, stack
         self._gram = [[a.T @ b for b in roots] for a in roots]
@@ -200,10 +200,3 @@ def mean_slopes(drift: SourceDrift, problem: DriftEvidence) -> Array:
         problem.means(np.concatenate([drift.log_scale + steps, drift.log_scale - steps])), 2
     )
     return np.asarray((ahead - behind) / (2.0 * DIFFERENCE))
-
-
-def _as_range(places: IntArray) -> IntArray | slice:
-    """The places as a slice where they follow one another: rows and columns are then not copied."""
-    if len(places) and places[-1] - places[0] == len(places) - 1:
-        return slice(int(places[0]), int(places[-1]) + 1)
-    return places

@@ -121,8 +121,9 @@ class Sums:
 
     def without(self, other: Sums) -> Sums:
         """Returns the sums without some of their rows; the rows are not stored."""
+        gram = other.whole_gram()
         return Sums(
-            gram=self.whole_gram() - other.whole_gram(),
+            gram=np.subtract(self.whole_gram(), gram, out=gram if other.few else None),
             pull=self.pull - other.pull,
             power=self.power - other.power,
             count=self.count - other.count,
@@ -166,7 +167,11 @@ class Weights:
 
     def scale(self, name: str) -> float:
         """Returns the learned sd of a group."""
-        return next(g.sd for g in self.groups if g.name == name)
+        return self.scales()[name]
+
+    def scales(self) -> dict[str, float]:
+        """Returns the learned sd of every group by its name."""
+        return {g.name: g.sd for g in self.groups}
 
 
 class SumsBuilder:

@@ -210,7 +210,7 @@ def learn_without(
 def list_scales(sums: Sequence[Sums], fit: Weights, physical: int) -> LearnedScales:
     """Returns scales, noise and freedom of a fit; arguments as of :func:`count_freedom`."""
     return LearnedScales(
-        scales={group.name: group.sd for group in fit.groups},
+        scales=fit.scales(),
         noise=fit.noise,
         freedom=count_freedom(sums, fit, physical),
     )

@@ -22,8 +22,7 @@ import numpy as np
 from robotrue.calibration.calibrated_model import CalibratedModel
 from robotrue.calibration.design import Design, WhitenedRows
 from robotrue.calibration.estimate import Estimate, estimate
-from robotrue.calibration.estimator import NOISE_FLOOR
-from robotrue.calibration.evidence import Sums, Weights, posterior
+from robotrue.calibration.evidence import Sums, posterior
 from robotrue.calibration.held_out_blocks import (
     HeldOutRows,
     LearnedScales,
@@ -36,11 +35,10 @@ from robotrue.calibration.learned_assembly import (
     widen_covariance,
     within_campaign,
 )
-from robotrue.calibration.observations import linearise_all
-from robotrue.calibration.parameters import retract
+from robotrue.calibration.relinearisation import ROUNDS, renew_linearisation, settle_linearisation
 from robotrue.calibration.scale_learning import learn
 from robotrue.calibration.settings import FitSettings, free_groups
-from robotrue.calibration.smooth_screen import compare_left_out
+from robotrue.calibration.smooth_screen import add_smooth_columns, compare_left_out
 from robotrue.calibration.terms.backlash import Backlash
 from robotrue.calibration.terms.ripple import (
     LADDER,
@@ -58,15 +56,9 @@ from robotrue.calibration.terms.smooth import (
 )
 from robotrue.calibration.terms.term_registry import further_terms
 from robotrue.core.arrays import Array, BoolArray
-from robotrue.core.robust import weights as robust_weights
 from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.robot.model import RobotModel
 
-ROUNDS: Final = (8, 5)
-"""Steps of learning in each renewal of linearisation, weights and noise after the ladder."""
-MOST_RENEWALS: Final = 6
-BEND: Final = 0.1
-"""Miss of the linear prediction, over the noise of a row, that a settled linearisation has."""
 SAMPLE: Final = 500
 """Rows on which the lengths of the smooth residual are learned."""
 MOST_CENTRES: Final = 200
@@ -278,69 +270,11 @@ def climb_ladder(design: Design, parts: LearnedParts) -> LinearFit:
         rungs = rungs[1:] or rungs
     best = _rung(design, sums, sighted, rungs[0], {})
     for rung in rungs[1:]:
-        trial = _rung(design, sums, sighted, rung, _scales(best.weights))
+        trial = _rung(design, sums, sighted, rung, best.weights.scales())
         if trial.weights.evidence < best.weights.evidence + WORTH:
             break
         best = trial
     return _without_idle(best)
-
-
-def renew_linearisation(at: LinearFit, *, steps: int) -> LinearFit:
-    """Returns the fit with new linearisation, robust weights and noise."""
-    design, fit = at.design, at.weights
-    robust = np.zeros(len(design.weights))
-    for item in design.rows():
-        scale = np.repeat(np.sqrt(fit.noise), 3)[: item.values.shape[1]]
-        off = (item.values - item.columns @ fit.mean) / scale
-        robust[item.rows] = robust_weights(np.linalg.norm(off, axis=1), off.shape[1], design.loss)
-    step = np.zeros(design.layout.size)
-    step[design.free] = fit.mean[: len(design.free)] - design.offset
-    physical = len(design.free)
-    values = np.zeros(len(design.values))
-    values[design.active[physical:]] = fit.mean[physical:]
-    moved = replace(
-        design,
-        state=retract(design.layout, design.state, step),
-        values=values,
-        noise=np.maximum(design.white_noise(fit.noise), NOISE_FLOOR),
-        weights=robust,
-    )
-    sums = moved.sums()
-    weights = learn(sums, moved.groups(_scales(fit)), np.ones(len(sums)), steps=steps)
-    return LinearFit(design=moved, sums=sums, weights=weights)
-
-
-def settle_linearisation(at: LinearFit) -> LinearFit:
-    """Returns the fit with its linearisation renewed until the arm follows it.
-
-    The effect of a mass moment on a compliant joint is a product of two parameters: where poses
-    determine it poorly, a step is large, and the arm that was moved by it misses the points that
-    the linear model fits (measured UR10, 2,218 poses: 0.28 mm instead of 0.06 mm).
-    """
-    for _ in range(MOST_RENEWALS):
-        design = at.design
-        noise = at.weights.noise[0] * (design.instrument()[0] + design.noise[0])
-        if measure_bend(at) <= BEND * float(np.sqrt(noise)):
-            break
-        at = renew_linearisation(at, steps=ROUNDS[-1])
-    return at
-
-
-def measure_bend(at: LinearFit) -> float:
-    """Returns the rms per axis, m, by which the arm at the fit misses the linear prediction."""
-    design = at.design
-    step = np.zeros(design.layout.size)
-    step[design.free] = at.weights.mean[: len(design.free)] - design.offset
-    moved = retract(design.layout, design.state, step)
-    squares, count = 0.0, 0
-    for before, after in zip(
-        linearise_all(design.observations, design.layout, design.state),
-        linearise_all(design.observations, design.layout, moved),
-        strict=True,
-    ):
-        missed = after.residual - before.residual + before.jacobian @ step
-        squares, count = squares + float((missed[:, :3] ** 2).sum()), count + 3 * len(missed)
-    return float(np.sqrt(squares / count))
 
 
 def _rung(
@@ -376,10 +310,6 @@ def _part(sums: Sequence[Sums], kept: BoolArray) -> list[Sums]:
     return list(sums) if kept.all() else [s.part(kept) for s in sums]
 
 
-def _scales(weights: Weights) -> dict[str, float]:
-    return {g.name: g.sd for g in weights.groups}
-
-
 def _without_idle(at: LinearFit) -> LinearFit:
     """Removes the groups of terms that have fallen back to rest."""
     kept = np.ones(len(at.weights.mean), dtype=bool)
@@ -392,7 +322,7 @@ def _without_idle(at: LinearFit) -> LinearFit:
     active[np.flatnonzero(active)[~kept]] = False
     design = replace(at.design, active=active)
     sums = _part(at.sums, kept)
-    weights = learn(sums, design.groups(_scales(at.weights)), at.weights.noise, steps=3)
+    weights = learn(sums, design.groups(at.weights.scales()), at.weights.noise, steps=3)
     return LinearFit(design=design, sums=sums, weights=weights)
 
 
@@ -463,15 +393,17 @@ def _with_smooth(
         measurements.joints[counted], scales.length, most=MOST_CENTRES, enough=ENOUGH
     )
     design = at.design.with_centres(basis)
-    sums = design.sums()
+    kept = design.keep_rows()
+    sums = add_smooth_columns(design, at.sums, kept)
     if not design.few and (
-        screened := compare_left_out(design, sums, at.weights, scales.amplitude, parts)
+        screened := compare_left_out(design, sums, at.weights, scales.amplitude, parts, kept)
     ):
         notes["smooth_screen_without_m"], notes["smooth_screen_with_m"] = screened
         if screened[1] >= screened[0]:
             said = "not fitted: at given scales parts left out are no better with it"
             return at, found, {**notes, "smooth": said}
-    start = _scales(at.weights) | {"smooth": scales.amplitude}
+    del kept
+    start = at.weights.scales() | {"smooth": scales.amplitude}
     weights = learn(sums, design.groups(start), at.weights.noise, steps=8)
     notes["smooth_evidence_gain"] = weights.evidence - at.weights.evidence
     if weights.evidence < at.weights.evidence + WORTH:

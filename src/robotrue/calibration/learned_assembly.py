@@ -189,7 +189,7 @@ def _summary(
         "verdict": physical.verdict.status,
         "doubts": doubts,
         "unseen": physical.identifiability.document(),
-        "scales": {g.name: g.sd for g in fit.groups},
+        "scales": fit.scales(),
         "determined": dict(zip([g.name for g in fit.groups], fit.determined.tolist(), strict=True)),
         "white_sd_m": white,
         "evidence": fit.evidence,

@@ -15,7 +15,7 @@ from typing import Final
 import numpy as np
 
 from robotrue.calibration.evidence import PriorGroup, Sums, Weights
-from robotrue.core.arrays import Array, IntArray
+from robotrue.core.arrays import Array, IntArray, as_range
 
 FAINT: Final = 1e-4
 """Information on a direction, over that of its prior, below which it is not seen."""
@@ -61,7 +61,7 @@ class SeenDirections:
         gram, count = sums.whole_gram(), self.turns[-1].place.stop
         half, turned = np.empty((self.size, count)), np.empty((count, count))
         for turn in self.turns:
-            half[:, turn.place] = gram[:, turn.columns] @ turn.seen
+            half[:, turn.place] = gram[turn.columns].T @ turn.seen  # symmetric; rows are faster
         for turn in self.turns:
             turned[turn.place] = turn.seen.T @ half[turn.columns]
         pull = [turn.seen.T @ sums.pull[turn.columns] for turn in self.turns]
@@ -77,11 +77,11 @@ class SeenDirections:
         mean, root = np.zeros(self.size), np.zeros((rows, self.size))
         groups, start = [], count
         for turn, whole, known in zip(self.turns, self.whole, weights.groups, strict=True):
-            group = replace(whole, sd=known.sd)
-            mean[turn.columns] = turn.seen @ weights.mean[turn.place]
-            root[:count, turn.columns] = weights.root[:, turn.place] @ turn.seen.T
+            group, columns = replace(whole, sd=known.sd), as_range(turn.columns)
+            mean[columns] = turn.seen @ weights.mean[turn.place]
+            root[:count, columns] = weights.root[:, turn.place] @ turn.seen.T
             own = slice(start, start + turn.hidden.shape[1])
-            root[own, turn.columns] = turn.hidden.T * (group.sd * group.unit)
+            root[own, columns] = turn.hidden.T * (group.sd * group.unit)
             groups.append(group)
             start = own.stop
         return replace(weights, mean=mean, root=root, groups=tuple(groups))

@@ -95,3 +95,10 @@ def parse_number_list(text: str) -> Array:
     except ValueError:
         return np.empty(0)
     return numbers if np.isfinite(numbers).all() else np.empty(0)
+
+
+def as_range(places: IntArray) -> IntArray | slice:
+    """Returns the places (k,) as a slice where they follow one another: no copies are made."""
+    if len(places) and places[-1] - places[0] == len(places) - 1:
+        return slice(int(places[0]), int(places[-1]) + 1)
+    return places

@@ -263,7 +263,7 @@ def _fold_predictions(
     # A refit knows a station that no row of the fold shows from the start of the fit alone.
     placed = np.isin(measurements.station[fold.test], measurements.station[fold.train]).all()
     refit: dict[int, Callable[[], LinearFit]] = {}
-    models: dict[int, Callable[[], ErrorModel]] = {}
+    found: dict[int, Callable[[], _FoldErrors]] = {}
     predictions: dict[str, Callable[[], _FoldErrors]] = {}
     for name, fit in candidates.items():
         whole = refits.get(name) if placed else None
@@ -273,9 +273,9 @@ def _fold_predictions(
         base = None if whole.base is None else refit.get(id(whole.base.at))
         key = id(whole.at)
         refit.setdefault(key, cache(partial(_refit, whole, left_out, base)))
-        models.setdefault(key, cache(partial(_build_refit, whole, left_out, refit[key])))
-        model = partial(_predict_fold, models[key], unseen, payload)
-        predictions[name] = partial(_predict_block, whole, left_out, used[1], model)
+        model = partial(_build_refit, whole, left_out, refit[key])
+        found.setdefault(key, cache(partial(_predict_fold, model, unseen, payload)))
+        predictions[name] = partial(_predict_block, whole, left_out, used[1], found[key])
     return predictions
 
 
