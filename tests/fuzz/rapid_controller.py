@@ -56,6 +56,11 @@ class Routine(NamedTuple):
     parameters: list[tuple[str, bool]]
     first: int
     end: int
+    handler: tuple[int, int] = (0, 0)
+
+
+class Handled(Exception):
+    """Ends a handler: with ``retry`` or ``trynext``."""
 
 
 class Returned(Exception):
@@ -113,7 +118,10 @@ class RapidController:
             elif line in ("endproc", "endfunc", "endtrap"):
                 pairs = [each.split() for each in parameters.split(",") if each.strip()]
                 names = [(each[-1], each[0] in ("inout", "var", "pers")) for each in pairs]
-                self.routines[routine] = Routine(module, names, first, len(self.lines))
+                end = len(self.lines)
+                fails = "error" in self.lines[first:]
+                error = self.lines.index("error", first) if fails else end
+                self.routines[routine] = Routine(module, names, first, error, (error + 1, end))
                 routine = ""
             elif routine:
                 self.lines.append(line)
@@ -249,6 +257,24 @@ class RapidController:
             return returned.args[0]
         return None
 
+    def _try(self, line: str, routine: Routine, scope: Any) -> bool:
+        """Executes a statement; returns whether the next one follows, not the same again.
+
+        A motion may fail, before it or at its end, where its own routine has a handler; an error
+        that ends a routine without one is not executed.
+        """
+        first, end = routine.handler
+        fails = line.startswith("move") and first < end and self.rng.random() < 0.1
+        if not (fails and self.rng.random() < 0.5):
+            self._act(line, scope)
+        if not fails:
+            return True
+        try:
+            self._block(routine._replace(first=first, end=end, handler=(0, 0)), scope)
+        except Handled as way:
+            return str(way) == "trynext"
+        raise Returned(None)
+
     def _block(self, routine: Routine, scope: tuple[dict[str, Any], str]) -> None:
         partner, others = self._structure(routine)
         last: dict[int, tuple[float, Any]] = {}
@@ -270,7 +296,8 @@ class RapidController:
                         label = match[2].split()[1] + ":"
                         at = self.lines.index(label, routine.first, routine.end)
                         continue
-                    self._act(match[2], scope)
+                    at += self._try(match[2], routine, scope)
+                    continue
                 at += 1
             elif word in ("else", "elseif", "case", "default:"):  # reached from above: go on behind
                 at = partner[max(s for s, places in others.items() if at in places)] + 1
@@ -284,8 +311,7 @@ class RapidController:
             elif word in ("for", "endfor"):
                 at = self._count(at, partner, last, scope)
             elif word not in CLOSING:
-                self._act(line, scope)
-                at += 1
+                at += self._try(line, routine, scope)
             else:
                 at += 1
 
@@ -365,6 +391,8 @@ class RapidController:
             self.shift = np.eye(4)
         elif word == "pdispon":
             self._displace(rest, scope)
+        elif word in ("retry", "trynext"):
+            raise Handled(word)
         elif word == "return":
             raise Returned(copy.deepcopy(self.value(rest, scope)) if rest else None)
         elif word == "connect":

@@ -47,7 +47,7 @@ class RapidFlowWriter:
             self.local = ["loc"]
             body += [f"VAR robtarget loc{pen.pick('', ':=' + self._target())};"]
             body += [f"loc:={self._target()};"] if body[-1].endswith("loc;") else []
-        body += [*self._block(2, "", pen.whole(3, 9)), "ENDPROC"]
+        body += [*self._block(2, "", pen.whole(3, 9)), *self._handler(), "ENDPROC"]
         self.local = []
         for number, name in enumerate(self.routines):
             self.local = ["loc"] if pen.chance(0.3) else []
@@ -58,6 +58,7 @@ class RapidFlowWriter:
                 f"PROC {name}()",
                 *begin,
                 *(x for x in lines if not x.startswith(barred)),
+                *self._handler(),
                 "ENDPROC",
             ]
         self.local = []
@@ -86,6 +87,14 @@ class RapidFlowWriter:
                 one[-2:-2] = ["other;"] if one[-2] == "ENDPROC" and pen.chance(0.7) else []
         two += ["ENDMODULE"]
         return {"part.mod": "\n".join(one) + "\n", "cell.mod": "\n".join(two) + "\n"}
+
+    def _handler(self) -> list[str]:
+        """Frames that it changes are told of, and not followed."""
+        if not self.pen.chance(0.3):
+            return []
+        barred = ("sub", "%", "CONNECT", "ISignal", "RETURN", *SETS_FRAMES)
+        lines = [x for x in self._block(1, "", self.pen.whole(1, 3)) if not x.startswith(barred)]
+        return ["ERROR", *lines, self.pen.pick("RETRY;", "TRYNEXT;", "TRYNEXT;", "RETURN;")]
 
     def _by_reference(self) -> list[str]:
         choice = self.pen.pick(

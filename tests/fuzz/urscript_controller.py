@@ -2,7 +2,8 @@
 
 What a program cannot know (inputs, where the robot is) is drawn from a seed. Variables begin anew
 with every run, those of the program are global, those of a routine are local unless a global one
-of the name exists; routines get copies. The default tool is active where a run begins.
+of the name exists; routines get copies. The default tool is active where a run begins. A thread
+runs as a whole before some statement of the program after its start, or not at all.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from controllers import BINARY, COMPARE, MOST_STEPS, Ended, Move
 
 from robotrue.core.rotations import matrix_from_rotation_vector, rotation_vector_from_matrix
 
-OPENING = ("if ", "while ", "def ")
+OPENING = ("if ", "while ", "def ", "thread ")
 
 
 class Pose(list[float]):
@@ -76,7 +77,7 @@ class UrController:
                 start = opened.pop()
                 self.partner[start], self.partner[at] = at, start
         for at, line in enumerate(self.lines):
-            match = re.match(r"def (\w+)\((.*)\):$", line)
+            match = re.match(r"(?:def|thread) (\w+)\((.*)\):$", line)
             if match:
                 names = [each.strip() for each in match[2].split(",") if each.strip()]
                 self.routines[match[1]] = Routine(names, at + 1, self.partner[at])
@@ -84,7 +85,7 @@ class UrController:
     def run(self) -> bool:
         """Runs the program; returns whether it came to its end."""
         self.data: dict[str, Any] = {}
-        self.tool, self.steps = np.eye(4), 0
+        self.tool, self.steps, self.threads = np.eye(4), 0, set[str]()
         try:
             self._call("part", [])
         except Ended:
@@ -169,7 +170,11 @@ class UrController:
             if self.steps > MOST_STEPS:
                 raise Ended
             line = self.lines[at]
-            if line.startswith("def "):
+            for name in sorted(self.threads):
+                if self.rng.random() < 0.2:
+                    self.threads.discard(name)
+                    self._call(name, [])
+            if line.startswith(("def ", "thread ")):
                 at = self.partner[at] + 1
             elif line.startswith("if "):
                 at = self._choose(at, local)
@@ -195,6 +200,11 @@ class UrController:
         return self.partner[at] + 1
 
     def _act(self, line: str, local: dict[str, Any] | None) -> None:
+        if started := re.match(r"(?:\w+ = )?run (\w+)\(\)$", line):
+            self.threads.add(started[1])
+            return
+        if line.startswith(("join ", "kill ")):
+            return
         match = re.match(r"(?:(global|local) )?([a-z]\w*)(?:\[(\w+)\])? = (.*)$", line)
         if line.startswith("return"):
             raise Left(copy.deepcopy(self.value(line[6:], local)) if line[6:] else None)

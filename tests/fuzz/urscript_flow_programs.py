@@ -15,6 +15,7 @@ class UrFlowWriter:
         self.calm = pen.chance(0.6)
         self.points = [f"xp{k}" for k in range(1, pen.whole(2, 5))]
         self.local: list[str] = []
+        self.threads: list[str] = []
 
     def job(self) -> dict[str, str]:
         """The file of a job by name."""
@@ -38,6 +39,10 @@ class UrFlowWriter:
             body = [x for x in body if number or not x.startswith("set_tcp")]
             lines += [f"def {name}():", *begin, *body, "end"]
         self.local = []
+        if pen.chance(0.3):  # a tool set there is told of, and not followed
+            body = [x for x in self._block(1, pen.whole(1, 3)) if not x.startswith("set_tcp")]
+            lines += ["thread beside():", *body, "end"]
+            self.threads = ["beside"]
         lines += [*self._routines(), *self._block(2, pen.whole(3, 10)), "end"]
         if pen.chance(0.3):
             lines += ["part()"]
@@ -129,6 +134,8 @@ class UrFlowWriter:
             return ["while True:", *one, *stop, *self._block(0), "end"]
         if kind == 22:
             return ["if get_standard_digital_in(5):", *one, "return", "end"]
+        if self.threads and pen.chance(0.5):
+            return [pen.pick("th = run beside()", "run beside()", "join th", "kill th")]
         if kind == 23 or not self.subs:
             return [f"go({pen.pick(self._point(), self._pose())})"]
         return [f"{pen.pick(*self.subs)}()"]
