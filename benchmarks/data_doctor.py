@@ -42,6 +42,7 @@ from robotrue.robot.statics import Load, drive_torque
 from robotrue.validation.doctor import SIX_WORDS, Diagnosis, describe_diagnosis, diagnose
 from robotrue.validation.doctor_evidence import CauseName
 from robotrue.validation.evaluation import evaluate
+from robotrue.validation.metrics import wilson_interval
 
 REAL = {"ur5": "UR5", "B": "UR10", "A": "UR10"}
 SETS = ("ur5", "kr160", "B", "kr300", "A", "tx2-90l")
@@ -416,20 +417,28 @@ def report(rows: list[dict]) -> None:
     clean = [row for row in rows if row["kind"] == CLEAN]
     if wrong:
         right = sum(bool(row["right"]) for row in wrong)
-        print(f"RESULT | right cause, {len(wrong)} corruptions | >= 90 % | "
-              f"{100.0 * right / len(wrong):.1f} %, {right}")  # fmt: skip
+        print(f"RESULT | right cause, corruptions | >= 90 % | {_share(right, len(wrong))}")
     if clean:
         false = sum(not row["right"] for row in clean)
-        print(f"RESULT | false alarm, {len(clean)} clean sets | <= 2 % | "
-              f"{100.0 * false / len(clean):.1f} %, {false}")  # fmt: skip
+        print(f"RESULT | false alarm, clean sets | <= 2 % | {_share(false, len(clean))}")
     cured = [row for row in wrong if np.isfinite(row.get("cured", np.nan))]
     if cured:
         near = sum(row["cured"] <= 1.15 * row["clean"] for row in cured)
         ratio = np.median([row["cured"] / row["clean"] for row in cured])
-        print(f"RESULT | cured error within 15 % of clean, {len(cured)} sets | all | "
-              f"{100.0 * near / len(cured):.1f} %, {near}; median ratio {ratio:.3f}")  # fmt: skip
+        print(
+            f"RESULT | cured error within 15 % of clean | all | {_share(near, len(cured))}; "
+            f"median ratio {ratio:.3f}"
+        )
     seconds = [row["seconds"] for row in rows]
     print(f"{np.mean(seconds):.2f} CPU s a diagnosis, at most {np.max(seconds):.2f}")
+
+
+def _share(count: int, n: int) -> str:
+    low, high = wilson_interval(count, n)
+    return (
+        f"{count} of {n}, {100.0 * count / n:.1f} %, 95 % interval {100.0 * low:.1f} to "
+        f"{100.0 * high:.1f} %"
+    )
 
 
 def _tell_cure(rows: list[dict]) -> str:

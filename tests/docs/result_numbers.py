@@ -3,9 +3,8 @@
 Numbers are decimals, whole numbers with a unit, "N of M" and cells of tables. Each is in a block of
 code of its page (console blocks are run, those of another language are input), in a record, or
 listed in ``docs/records/sources.toml`` as a quotation or a setting. A record holds what a
-benchmark printed, with its command and date, or a test that asserts the number. Some are copied
-from the page that printed them first, with the date and commit of that page. ``tests`` of a page
-names tests that compare the page: numbers, or ``text`` for its blocks of that kind.
+benchmark printed, with its command, date and machine, or a test that asserts the number. ``tests``
+of a page names tests that compare the page: numbers, or ``text`` for its blocks of that kind.
 
     python tests/docs/result_numbers.py            # counts by page and class
     python tests/docs/result_numbers.py PAGE ...   # each number of the pages
@@ -27,7 +26,7 @@ from typing import Final
 
 ROOT: Final = Path(__file__).resolve().parents[2]
 SOURCES: Final = ROOT / "docs" / "records" / "sources.toml"
-CLASSES: Final = ("run", "record", "copied", "quoted", "setting", "unbound")
+CLASSES: Final = ("run", "record", "quoted", "setting", "unbound")
 BLOCK: Final = re.compile(r"^ *```(\{?[\w-]*).*?^ *```$", re.DOTALL | re.MULTILINE)
 CODE: Final = re.compile(
     r"`[^`\n]*`|\]\([^)\n]*\)|<!--.*?-->|^ {4,}[^|\n]*$|\$[^$\n]+\$", re.MULTILINE
@@ -102,12 +101,6 @@ def is_in(printed: str, record: str) -> bool:
     return any(abs(other - number) <= half for other in numbers_of(record))
 
 
-def is_copied(record: str) -> bool:
-    """Returns whether a record was copied from a page, since the output had not been saved."""
-    path = SOURCES.parent / record
-    return path.is_file() and "; copied from " in path.read_text(encoding="utf-8")[:300]
-
-
 def find_sources(page: Path) -> Iterator[Printed]:
     """Yields every number of a page."""
     listed = tomllib.loads(SOURCES.read_text(encoding="utf-8"))
@@ -119,8 +112,8 @@ def find_sources(page: Path) -> Iterator[Printed]:
         for text in NUMBER.findall(line):
             if text in in_code or text in compared:
                 source = "run"
-            elif held := [name for name in entry.get("records", ()) if is_in(text, name)]:
-                source = "copied" if all(map(is_copied, held)) else "record"
+            elif any(is_in(text, name) for name in entry.get("records", ())):
+                source = "record"
             elif text in entry.get("quoted", "").split():
                 source = "quoted"
             elif text in entry.get("settings", "").split():
