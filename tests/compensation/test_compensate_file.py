@@ -12,6 +12,7 @@ from pathlib import Path
 import cases
 import numpy as np
 import pytest
+from test_dialect_programs import TABLE, fanuc, jbi
 from test_path_programs import MAKERS, spin_of, table
 from test_rapid_urscript_programs import rapid, urscript
 
@@ -146,6 +147,23 @@ def test_other_languages(tmp_path: Path, make: Callable[..., bytes], arm: str) -
     assert found == data != path.read_bytes()
     assert result.chunks == 7
     require_equal_summaries(dict(result.summary()), expected)
+
+
+@pytest.mark.parametrize(("make", "arm"), [(fanuc, "KR160"), (jbi, "GP225")])
+def test_languages_of_numbered_points(tmp_path: Path, make: Callable[..., bytes], arm: str) -> None:
+    name = "part.ls" if make is fanuc else "part.jbi"
+    robot = replace(preset(arm), maker="fanuc" if make is fanuc else "yaskawa")
+    robot = robot.with_tool(cases.TOOL)
+    joints = np.array([5, 10, -15, 20, 50, 30]) * DEG + np.linspace(0, 0.4, 600)[:, None]
+    path, how = tmp_path / name, CompensationSettings()
+    path.write_bytes(make(robot, joints))
+    model = cases.rigid_model(robot=robot)
+    data, expected = whole(path, model, how, frames=TABLE)
+    for workers in (1, 2):
+        found, result = streamed(path, model, how, block=90, frames=TABLE, workers=workers)
+        assert found == data != path.read_bytes()
+        assert (result.chunks, result.workers) == (9 if make is jbi else 8, workers)
+        require_equal_summaries(dict(result.summary()), expected)
 
 
 @pytest.mark.parametrize("name", sorted(MAKERS))

@@ -106,7 +106,7 @@ def test_a_relative_job_takes_the_user_frame_of_its_attributes() -> None:
     points = f"///TOOL 1\n///POSTYPE USER\n///RECTAN\nC00000={P}\n"
     program = body(points, "MOVL C00000", attributes="////FRAME USER 2\n")
     assert program.reason.tolist() == [Reason.NONE]
-    assert "a relative job; its points (1) count from user frame 2" in program.notes[0]
+    assert "a relative job; its 1 points count from user frame 2" in program.notes[0]
     assert body(points, "MOVL C00000").reason.tolist() == [Reason.UNKNOWN_FRAME]
 
 

@@ -100,6 +100,18 @@ def test_new_words_get_a_header_of_their_own_and_the_old_ones_come_back() -> Non
     assert find_language("jbi").write(program, unchanged) == program.data
 
 
+def test_a_point_of_other_than_six_values_keeps_its_configuration() -> None:
+    points = f"{HEAD}C00000={P}\nC00001=1.0,2.0,3.0\nC00002={P}"
+    program = body(points, "MOVL C00000\nMOVL C00002")
+    words = np.full_like(program.words, NO_WORD)
+    words[0] = [0, 0, 0, 1, 0, 0]
+    lines = written(program, replace(shifted(program), words=words))
+    first = lines.index("///RCONF 0,0,0,1,0,0,0,0")
+    assert lines[first + 1].startswith("C00000=")
+    assert lines[first + 2 : first + 4] == ["///RCONF 1,0,0,0,0,0,0,0", "C00001=1.0,2.0,3.0"]
+    assert sum(line.startswith("///RCONF") for line in lines) == 3
+
+
 def test_twenty_four_fields_and_dos_line_ends_are_kept() -> None:
     fields = "1,0,0,0,0,0," + ",".join("7" * 18)
     head = HEAD.replace("1,0,0,0,0,0,0,0", fields)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 from robotrue.core.arrays import Array, IntArray
@@ -64,6 +64,20 @@ class SpliceStart(NamedTuple):
     carried: Array
 
 
+class PointMoves(NamedTuple):
+    """Moves to points that a skeleton has not.
+
+    Attributes:
+        first: Zero-based first line of the points of the file.
+        end: The line after them.
+        table: (k, 3) zero-based line and number of a point, and its motion.
+    """
+
+    first: int
+    end: int
+    table: IntArray
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Splice:
     """The text of a skeleton whose lines are read together with those of a chunk.
@@ -72,15 +86,18 @@ class Splice:
         text: Its lines, each with its end.
         edge: (k + 1,) first byte of each of them, and the size of the text.
         line: (k,) zero-based line of each in the file, rising.
-        starts: What is in force at the zero-based first line of every chunk and lead.
         frames: What the program names but does not hold.
+        starts: What is in force at the zero-based first line of every chunk and lead, if not in the
+            skeleton.
+        moves: Of a language of numbered points.
     """
 
     text: bytes
     edge: IntArray
     line: IntArray
-    starts: Mapping[int, SpliceStart]
     frames: FrameTable
+    starts: Mapping[int, SpliceStart] = field(default_factory=dict)
+    moves: PointMoves | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -53,7 +53,7 @@ LEAST_HELD: Final = 10
 BESIDE: Final = 250 << 20
 """Bytes of memory besides."""
 _LOOKED_AT: Final = 1 << 20
-_COUNT: Final = re.compile(r"\b\d+ targets")
+_COUNT: Final = re.compile(r"\b\d+ (?=targets|points|positions)")
 """In a note on the skeleton: too few."""
 _PLACE: Final = re.compile(r"(?<=:)\d+(?:, \d+)*(?=:| and )|(?<=\bline )\d+")
 """Lines in a note."""
@@ -248,7 +248,7 @@ def outline_job(
         targets=survey.targets,
         T_flange_tool=skeleton.T_flange_tool,
         start=skeleton.start,
-        notes=tuple(_COUNT.sub("targets", note) for note in (*skeleton.notes, *beside)),
+        notes=tuple(_COUNT.sub("", note) for note in (*skeleton.notes, *beside)),
         chunks=survey.chunks,
         content=Skeleton(
             program=replace(skeleton, data=b"", spans=None, notes=(), reason=reason),
@@ -272,7 +272,9 @@ def _in_file(skeleton: Program, survey: Survey) -> Program:
 
     line = np.array([survey.locate(each) for each in skeleton.line.tolist()], np.int64)
     of_lines = {note.sentence(skeleton.name) for note in skeleton.noted}  # chunks have them
-    notes = tuple(_PLACE.sub(lines, note) for note in skeleton.notes if note not in of_lines)
+    notes = tuple(
+        _PLACE.sub(lines, note) for note in survey.notes(skeleton) if note not in of_lines
+    )
     return replace(skeleton, line=line, notes=notes)
 
 

@@ -135,25 +135,28 @@ def _compare(
                     return -1
                 row[2 * group], row[2 * group + 1] = value, first
                 p, group = spans[group, 1], 0
-            continue
-        if p >= last:
+                continue
+        elif p >= last:
             # a line end is not split
             return -1 if buf[last - 1] == 13 and q < end and buf[q] == 10 else q
-        c = buf[p]
-        if q >= end:
-            return -1
-        if group > 0 and kinds[group] == _ZONE and 43 <= c <= 57 and c != 44 and c != 47:
-            p, q = _pass_number(buf, p, last), _pass_number(buf, q, end)
-            if p < 0 or q < 0 or (p < last and buf[p] | 32 == 101):
+        zone = group > 0 and kinds[group] == _ZONE
+        mark = spans[group, 1] if group > 0 else spans[order[k], 0] if k < order.size else last
+        while p < mark:
+            c = buf[p]
+            if q >= end:
                 return -1
-        elif c == 32 or c == 9:
-            if buf[q] != 32 and buf[q] != 9:
+            if c == 32 or c == 9:
+                if buf[q] != 32 and buf[q] != 9:
+                    return -1
+                p, q = _pass_blanks(buf, p, mark), _pass_blanks(buf, q, end)
+            elif zone and 43 <= c <= 57 and c != 44 and c != 47:
+                p, q = _pass_number(buf, p, mark), _pass_number(buf, q, end)
+                if p < 0 or q < 0 or (p < last and buf[p] | 32 == 101):
+                    return -1
+            elif buf[q] == c:
+                p, q = p + 1, q + 1
+            else:
                 return -1
-            p, q = _pass_blanks(buf, p, last), _pass_blanks(buf, q, end)
-        elif buf[q] == c:
-            p, q = p + 1, q + 1
-        else:
-            return -1
 
 
 @compile_kernel(PLAIN)

@@ -36,7 +36,7 @@ from robotrue.program.formats.numbered_frames import list_changed_frames
 from robotrue.program.formats.text_lines import line_at, line_starts
 from robotrue.program.program import Motion, Reason
 
-_PLAIN: Final = re.compile(
+PLAIN_MOVE: Final = re.compile(
     rb"\s*+(?:(\d{0,6}+)\s*+:)?+()[ \t]*+([JLS])[ \t]++P\[(\d{1,6})(?::[^\];]*+)?\]([^;]*+);"
     rb"[ \t]*+(?:\r\n|\n|\r)?"
 )
@@ -46,7 +46,7 @@ _TARGET: Final = re.compile(rb"\b(P|PR)\s*+\[\s*+([^\]:]*+)(?::[^\]]*+)?\]")
 _POINT: Final = re.compile(rb"(?<![\w$])P\s*+\[\s*+([^\]:]*+)(?::[^\]]*+)?\]")
 _FRAME_NUMBER: Final = re.compile(rb"\b(UFRAME|UTOOL|BENUTZER|WKZ)_NUM\s*=\s*([^;,)]*)")
 _FRAME_DATA: Final = re.compile(rb"\b(UFRAME|UTOOL|BENUTZER|WKZ)\s*+\[")
-_MOTION: Final = {b"J": Motion.PTP, b"L": Motion.LIN, b"S": Motion.SPLINE}
+MOTION: Final = {b"J": Motion.PTP, b"L": Motion.LIN, b"S": Motion.SPLINE}
 _CALL: Final = re.compile(rb"\b(?:CALL|RUN)\s+([\w.]+)")
 _SIDE: Final = {b"UFRAME": "base", b"BENUTZER": "base", b"UTOOL": "tool", b"WKZ": "tool"}
 _REMARKS: Final = (b"!", b"//", b"--")
@@ -218,18 +218,18 @@ class _Walk:
         """Reads moves to records without words that modify them; returns the byte after them."""
         if self._run or self._shifted:
             return at
-        while plain := _PLAIN.match(self.data, at, end):
+        while plain := PLAIN_MOVE.match(self.data, at, end):
             letter, number, tail = plain.group(3, 4, 5)
             row, options = self._row.get(int(number)), self._tails.get(tail)
             if row is None or (self._options(tail) if options is None else options):
                 break
-            self._use(plain.start(2), row, _MOTION[letter])
+            self._use(plain.start(2), row, MOTION[letter])
             at = plain.end()
             for found in self._alike.after(plain, end):
                 rows = [self._row.get(number, -1) for number in found[:, 4].tolist()]
                 known = rows.index(-1) if -1 in rows else len(rows)
                 note_moves(
-                    self.out.path, self.out.motion, found[:known, 6], rows[:known], _MOTION[letter]
+                    self.out.path, self.out.motion, found[:known, 6], rows[:known], MOTION[letter]
                 )
                 at = int(found[known - 1, 1]) if known else at
                 if known < len(rows):
@@ -313,7 +313,7 @@ class _Walk:
         target = self._uses.get(use)
         if target is None:
             place, row, _ = path[use].tolist()
-            match = _PLAIN.match(self.data, place)
+            match = PLAIN_MOVE.match(self.data, place)
             found = match if match is not None else _TARGET.search(self.data, place)
             span = (0, 0) if found is None else found.span()
             if match is not None:
@@ -336,13 +336,13 @@ class _Walk:
         if letter != b"A":
             self._close_run()
         if not any(targets):
-            line, how = self._line(place), _MOTION.get(letter, Motion.ARC_END)
+            line, how = self._line(place), MOTION.get(letter, Motion.ARC_END)
             self.out.path.extend((place, -line, int(how)))
         ways = {b"C": (Motion.ARC_VIA, Motion.ARC_END), b"A": (self._next_of_run(),)}
         uses = [
             -1 if target is None else self._use_target(place, target, how)
             for target, how in zip(
-                targets, ways.get(letter, (_MOTION.get(letter, Motion.LIN),)), strict=False
+                targets, ways.get(letter, (MOTION.get(letter, Motion.LIN),)), strict=False
             )
         ]
         if letter == b"C":
@@ -475,9 +475,8 @@ class _Walk:
     def _options(self, tail: bytes) -> tuple[tuple[Reason, str], ...]:
         known = self._tails.get(tail)
         if known is None:
-            upper = words_behind(tail)
-            known = tuple((why, what) for sign, why, what in _OPTIONS if sign.search(upper))
-            odd = odd_word(upper) if self._foreign and not known else ""
+            known = doubtful_words(tail)
+            odd = odd_word(words_behind(tail)) if self._foreign and not known else ""
             if odd:
                 what = f"{odd!r}, in a program of another language than English, may move the"
                 known = ((Reason.EXPRESSION, f"{what} target"),)
@@ -501,6 +500,12 @@ class _Walk:
         if key not in self._told:
             self._told.add(key)
             self.out.notes.append(f"{self.name}:{self._line(place)}: {text}.")
+
+
+def doubtful_words(tail: bytes) -> tuple[tuple[Reason, str], ...]:
+    """Returns why words after a target make it another one, and a sentence on each."""
+    words = words_behind(tail)
+    return tuple((why, what) for sign, why, what in _OPTIONS if sign.search(words))
 
 
 def _digits(text: bytes) -> str:

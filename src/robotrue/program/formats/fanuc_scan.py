@@ -29,7 +29,9 @@ _COLUMNS: Final = 7
 """Number, first byte, kind, first byte and length of CONFIG (-1, 0 without), UF, UT."""
 _SECTION: Final = re.compile(rb"/(PROG|MN|POS|END)\b")
 _BEFORE_SECTION: Final = re.compile(rb"[ \t]*+(?:\xef\xbb\xbf)?[ \t]*+")
-_HEAD: Final = re.compile(rb"\s*P\s*\[\s*(\d{1,6})\s*(?::[^\]\r\n]*)?\]\s*\{\s*", re.IGNORECASE)
+RECORD_HEAD: Final = re.compile(
+    rb"\s*P\s*\[\s*(\d{1,6})\s*(?::[^\]\r\n]*)?\]\s*\{\s*", re.IGNORECASE
+)
 _GROUP: Final = re.compile(
     rb"GP(\d{1,2})\s*:\s*UF\s*:\s*(\d{1,9}|F)\s*,\s*UT\s*:\s*(\d{1,9}|F)\s*,\s*"
     rb"(?:\w+\s*:\s*'([^'\r\n]*)'\s*,\s*)?",
@@ -38,7 +40,7 @@ _GROUP: Final = re.compile(
 _FIELD: Final = rb"(\w{1,4})\s*=\s*(\*+|" + NUMBER + rb")\s*(mm|deg)\s*"
 _ONE: Final = re.compile(_FIELD, re.IGNORECASE)
 _SIX: Final = re.compile(rb",\s*".join([_FIELD] * 6), re.IGNORECASE)
-_PLAIN: Final = re.compile(
+PLAIN_RECORD: Final = re.compile(
     rb"\s*+(P)\s*+\[\s*+(\d{1,6}+)\s*+(?::[^\]\r\n]*+)?\]\s*+\{\s*+GP1\s*+:"
     rb"\s*+UF\s*+:\s*+(\d{1,9}+|F)\s*+,\s*+UT\s*+:\s*+(\d{1,9}+|F)\s*+,"
     rb"(?:\s*+CONFIG\s*+:\s*+'([^'\r\n]*+)'\s*+,)?"
@@ -50,7 +52,7 @@ _PLAIN: Final = re.compile(
     + rb")\}\s*+;"
 )
 """A pose of group 1 alone, as controllers write them by the thousand."""
-_CLOSE: Final = re.compile(rb"\}\s*;")
+RECORD_END: Final = re.compile(rb"\}\s*;")
 _POINT: Final = re.compile(rb"\bP[ \t]*\[[ \t]*(\d{1,6})(?!\d)")
 _BLANK: Final = re.compile(rb"\s*")
 _COMMA: Final = re.compile(rb"\s*,\s*")
@@ -186,7 +188,7 @@ class _Reader:
         data = self.data
         while True:
             at = self._plain_records(at, end)
-            match = _HEAD.match(data, at, end)
+            match = RECORD_HEAD.match(data, at, end)
             if match is None:
                 break
             at = self._record(int(match[1]), match.start(1), match.end(), end)
@@ -198,7 +200,7 @@ class _Reader:
     def _plain_records(self, at: int, end: int) -> int:
         """Reads the poses of group 1 alone from a byte on; returns the byte after them."""
         edges, alike = array("q"), Alike(self.data, wholes=(2,), zones=(6,), places=(1, 5))
-        while match := _PLAIN.match(self.data, at, end):
+        while match := PLAIN_RECORD.match(self.data, at, end):
             frames = self._frame(match[3]), self._frame(match[4])
             first, last = match.span(5)
             self.rows.extend((int(match[2]), match.start(1), 0, first, last - first, *frames))
@@ -236,7 +238,7 @@ class _Reader:
             else:
                 row = row - 1 if has_one else row
                 at = self._axes(row, int(group[1]), group.end(), end)
-        close = _CLOSE.match(data, at, end)
+        close = RECORD_END.match(data, at, end)
         if close is None or not groups:
             what = f"{_show(data, at)} in P[{number}] cannot be read"
             self._refuse(what, "a record holds groups GPn with UF, UT and numbers in mm or deg", at)

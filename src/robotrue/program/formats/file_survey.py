@@ -17,7 +17,7 @@ from typing import BinaryIO, ClassVar, Final, NamedTuple
 import numpy as np
 
 from robotrue.core.arrays import BoolArray, IntArray
-from robotrue.program.program import Motion, Program
+from robotrue.program.program import FrameTable, Motion, Program
 from robotrue.program.program_chunk import ChunkLines, ProgramChunk, Splice, Whole
 
 WINDOW: Final = 1 << 23
@@ -107,13 +107,20 @@ class Survey(ABC):
         Raises:
             FormatError: The bytes are not in the dialect.
         """
-        with path.open("rb") as stream:
-            for data in _windows(stream, WINDOW, self._find_end):
-                refused = self._take_window(data)
-                if refused is not None:
-                    return refused
+        refused = self._go_through(path, self._take_window)
+        if refused is not None:
+            return refused
         self._end_stretch()
         return self._check_end()
+
+    def _go_through(self, path: Path, take: Callable[[bytes], Whole | None]) -> Whole | None:
+        """Takes the windows of a file; returns why it cannot be cut, if so."""
+        with path.open("rb") as stream:
+            for data in _windows(stream, WINDOW, self._find_end):
+                refused = take(data)
+                if refused is not None:
+                    return refused
+        return None
 
     @property
     def sha256(self) -> str:
@@ -245,6 +252,17 @@ class Survey(ABC):
             return Whole(why="points of one array are used in different ways")
         return None
 
+    def _add_targets(self, line: IntArray) -> None:
+        """Counts targets of the skeleton on zero-based lines (k,), rising, that were not."""
+        self.targets += len(line)
+        self._cuts = [
+            (byte, at, count + int(np.searchsorted(line, at))) for byte, at, count in self._cuts
+        ]
+
+    def notes(self, skeleton: Program) -> tuple[str, ...]:
+        """Returns the notes of the reader on the file, from those on the skeleton."""
+        return skeleton.notes
+
     @property
     def chunks(self) -> tuple[ProgramChunk, ...]:
         """The chunks of the file."""
@@ -260,6 +278,29 @@ class Survey(ABC):
                 self._cuts, ends, self._leads, strict=True
             )
         )
+
+
+class PlacedSurvey(Survey):
+    """Base of surveys whose chunks are read in the skeleton, which has no empty lines."""
+
+    def __init__(self, name: str, targets: int, frames: FrameTable) -> None:
+        super().__init__(name, targets)
+        self._frames = frames
+        self._at: list[int] = []
+
+    def _write(self, line: int, code: bytes, targets: int) -> None:
+        self._written = line
+        super()._write(line, code, targets)
+        self._at.append(line)
+
+    def locate(self, line: int) -> int:
+        """Returns the line of the file that a line of the skeleton is; both are one-based."""
+        return self._at[min(line, len(self._at)) - 1] + 1 if self._at else line
+
+    def splice(self) -> Splice:
+        """Returns the text that chunks are read together with."""
+        edge, line = np.cumsum([0, *map(len, self._skeleton)]), np.array(self._at, np.int64)
+        return Splice(text=self.skeleton, edge=edge, line=line, frames=self._frames)
 
 
 def _windows(stream: BinaryIO, window: int, find_end: Callable[[bytes], int]) -> Iterator[bytes]:

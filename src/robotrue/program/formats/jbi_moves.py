@@ -29,7 +29,7 @@ _FRAME: Final = re.compile(
     rb"\b(?:MFRAME|SETUFRAME)\b(?:(?!\b(?:MFRAME|SETUFRAME)\b).)*?UF#\((\d++)\)", re.IGNORECASE
 )
 _TOOL: Final = re.compile(rb"\bSETTOOL\b(?:(?!\bSETTOOL\b).)*?TL#\((\d++)\)", re.IGNORECASE)
-_MOTION: Final = {
+MOTION: Final = {
     b"J": Motion.PTP,
     b"L": Motion.LIN,
     b"C": Motion.ARC_VIA,
@@ -119,6 +119,11 @@ def moves(scan: JbiScan, name: str, harmless: Container[str] = ()) -> JbiMoves:
     return walk.out
 
 
+def names_no_point(tail: bytes) -> bool:
+    """Returns whether a move's words after its point name none, and no second group."""
+    return not (b"+" in tail or _POINTS.search(tail) or _COMPUTED.search(tail))
+
+
 class _Walk:
     def __init__(self, scan: JbiScan, name: str, harmless: Container[str]) -> None:
         self.name, self._harmless, self._scan = name, harmless, scan
@@ -177,7 +182,7 @@ class _Walk:
             if self._is_plain(plain[3]):
                 self._master = rows[-1:]
                 lines = line + 1 + np.arange(len(rows))
-                note_moves(self.out.path, self.out.motion, lines, rows, _MOTION[plain[1]])
+                note_moves(self.out.path, self.out.motion, lines, rows, MOTION[plain[1]])
                 return
         for own, each in self._scan.list_alike(line):
             self.instruction(own, each.partition(b"'")[0])
@@ -214,7 +219,7 @@ class _Walk:
         """True if a move's tail names no point and no second group; tails repeat themselves."""
         known = self._tails.get(tail)
         if known is None:
-            known = not (b"+" in tail or _POINTS.search(tail) or _COMPUTED.search(tail))
+            known = names_no_point(tail)
             if len(self._tails) < _TAILS:
                 self._tails[tail] = known
         return known
@@ -251,7 +256,7 @@ class _Walk:
         if self._shift:
             self._shifted += rows
         if not second and not rows and verb in (b"MOV", b"SMOV"):
-            self.out.path.extend((line, -line, int(_MOTION[letter])))
+            self.out.path.extend((line, -line, int(MOTION[letter])))
         self._track(line, rows, letter, b"FPT" in own)
 
     def _track(self, line: int, rows: list[int], letter: bytes, ends: bool) -> None:
@@ -259,7 +264,7 @@ class _Walk:
         if letter != b"C" and rows and self._run:
             self._close_run()
         for row in rows:
-            how = _MOTION[letter]
+            how = MOTION[letter]
             if letter == b"C":
                 # The first is reached on a straight line and begins the arc.
                 how = (Motion.ARC_VIA, Motion.ARC_END)[len(self._run) % 2 == 0]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import Final
 
 import numpy as np
@@ -84,7 +84,7 @@ class _Builder:
         reason[list(self.walk.flags)] = list(self.walk.flags.values())
         share_fate(reason, self.walk.runs)
         self._hint_at_axes(reason, motion)
-        self._count_notes()
+        self.notes += count_note(self.name, found.counts, found.found)
         rconf = np.where(kind == UNITS["RECTAN"], found.configuration, -1)
         return Program(
             name=self.name,
@@ -157,7 +157,7 @@ class _Builder:
         number = number or said
         if said:
             self.notes.append(
-                f"{self.name}: a relative job; its points ({count}) count from user frame "
+                f"{self.name}: a relative job; its {count} points count from user frame "
                 f"{number}, where they were taught: run elsewhere, their correction does not fit."
             )
         if not number:
@@ -257,14 +257,16 @@ class _Builder:
         )
         self._tell(rows, "points moved to together with a base or station axis", cure)
 
-    def _count_notes(self) -> None:
-        have = tuple(self.scan.found.get(kind, 0) for kind in _COUNTED)
-        if self.scan.counts and self.scan.counts != have:
-            self.notes.append(
-                f"{self.name}: ///NPOS states {','.join(map(str, self.scan.counts))}, but "
-                f"{','.join(map(str, have))} points ({', '.join(_COUNTED)}) are there; the "
-                "controller may refuse the job."
-            )
+
+def count_note(name: str, stated: tuple[int, ...], found: Mapping[str, int]) -> list[str]:
+    """Returns the note on counts of points in ``///NPOS`` that are not those found by kind."""
+    have = tuple(found.get(kind, 0) for kind in _COUNTED)
+    if not stated or stated == have:
+        return []
+    return [
+        f"{name}: ///NPOS states {','.join(map(str, stated))}, but {','.join(map(str, have))} "
+        f"points ({', '.join(_COUNTED)}) are there; the controller may refuse the job."
+    ]
 
 
 def _units(given: FrameTable) -> Array:

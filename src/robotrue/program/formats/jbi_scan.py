@@ -26,12 +26,12 @@ _END: Final = rb"(?:\r\n|\n|\r|\Z)"
 _LINE: Final = re.compile(rb"([^\r\n]*)" + _END)
 _FINITE: Final = rb"[+-]?(?:\d{1,200}+(?:\.\d*+)?|\.\d++)(?:[eE][+-]?0?\d{1,2}(?!\d))?+"
 _CONFIGURATION: Final = rb"[ \t]*+///RCONF[ \t]++((?:[0-9]{1,9},){5,}+[0-9]{1,9})[ \t]*+" + _END
-_PLAIN_POINT: Final = re.compile(
+PLAIN_POINT: Final = re.compile(
     rb"(?:" + _CONFIGURATION + rb")?+[ \t]*+([CP])(\d{1,6}+)[ \t]*+=("
     + rb",".join([rb"[ \t]*+" + _FINITE + rb"[ \t]*+"] * 6) + rb")" + _END
 )  # fmt: skip
 """A robot point of six numbers, and the configuration in the line before it."""
-_MOVE: Final = re.compile(rb"[ \t]*+MOV[JLC][ \t]+C(\d{1,6})(?![^ \t\r\n])[^\r\n]*" + _END)
+PLAIN_MOVE: Final = re.compile(rb"[ \t]*+MOV([JLC])[ \t]+C(\d{1,6})(?![^ \t\r\n])([^\r\n]*)" + _END)
 _OTHER_POINT: Final = re.compile(rb"(C|P|BC|BP|EC|EX)(\d{1,6})[ \t]*=(.*)")
 _HEADER: Final = re.compile(rb"///(\w+)[ \t]*(.*)")
 _NUMBER: Final = re.compile(NUMBER)
@@ -211,7 +211,7 @@ class _Reader:
         more, alike = True, Alike(self.data, wholes=(3,), zones=(4,))
         while more:
             header = self._header()
-            while match := _PLAIN_POINT.match(self.data, self.at):
+            while match := PLAIN_POINT.match(self.data, self.at):
                 rconf, kind, number, _ = match.groups()
                 if rconf:
                     self.line += 1
@@ -323,7 +323,7 @@ class _Reader:
 
     def _instructions(self) -> None:
         """Reads ``//INST`` to its ``END``."""
-        ended, begin, alike = False, self.at, Alike(self.data, wholes=(1,), zones=())
+        ended, begin, alike = False, self.at, Alike(self.data, wholes=(2,), zones=())
         while (text := self._next()) is not None:
             if text.startswith(b"/"):
                 header = _HEADER.fullmatch(text.replace(b"////", b"///", 1))
@@ -333,7 +333,7 @@ class _Reader:
             elif text and not text.startswith(b"'"):
                 ended = text == b"END"
                 self.body.append((self.line, text))
-                move = _MOVE.match(self.data, begin)
+                move = PLAIN_MOVE.match(self.data, begin)
                 found = list(alike.after(move, len(self.data))) if move else []
                 if found:
                     self.alike[self.line] = np.concatenate(found)[:, :3]

@@ -14,9 +14,9 @@ import numpy as np
 from robotrue.core.arm_words import WORDS
 from robotrue.core.arrays import IntArray
 from robotrue.program.formats.jbi_scan import JbiScan
-from robotrue.program.formats.move_trail import line_start
 from robotrue.program.formats.pose_write import new_words, spans_of
 from robotrue.program.formats.target_tokens import TargetTokens, rewritten
+from robotrue.program.formats.text_lines import line_starts
 from robotrue.program.program import Program, Replacement
 
 
@@ -58,11 +58,11 @@ def _headers(
     held = program.words[rows].copy()  # what holds before each row in the file as it will be
     follows = np.flatnonzero(spans.rconf[rows][1:] == spans.rconf[rows][:-1]) + 1
     held[follows] = wanted[rows[follows - 1]]
-    out = []
+    out, starts = [], line_starts(program.data)
     for row in rows[(held != wanted[rows]).any(axis=1)].tolist():
         fields = spans.scan.rconf[int(spans.rconf[row])][WORDS["yaskawa"] :]
         text = ",".join(map(str, (*wanted[row].tolist(), *fields)))
-        place = line_start(program.data, int(spans.tokens.start[row, 0]))
+        place = int(starts[spans.scan.line[row] - 1])
         out.append((place, 0, b"///RCONF " + text.encode() + _line_end(program.data, place)))
     return out
 

@@ -23,6 +23,7 @@ from robotrue.program.formats.file_survey import (
     LEAD,
     LONGEST_CHUNK,
     NO_KEY,
+    PlacedSurvey,
     Survey,
     WindowLines,
 )
@@ -77,14 +78,13 @@ class PointLines(NamedTuple):
     axis: Array
 
 
-class SpliceSurvey(Survey):
+class SpliceSurvey(PlacedSurvey):
     """One pass over a file."""
 
     events = "lines that are no plain points"
 
     def __init__(self, name: str, targets: int, frames: FrameTable) -> None:
-        super().__init__(name, targets)
-        self._frames = frames
+        super().__init__(name, targets, frames)
         self._points = self._turn = 0
         self._goes_on = False
         self._mode = self._shown_mode = 0
@@ -92,7 +92,6 @@ class SpliceSurvey(Survey):
         self._carried = np.zeros((0, 2, 3))  # x of the carried frame and tool axis before lines
         self._last_carried = np.eye(3)[[0, 2]]
         self._recent: dict[int, SpliceStart] = {}
-        self._at: list[int] = []
         self._axes: dict[int, Array] = {}
         self._starts: dict[int, SpliceStart] = {}
         self._turns: dict[int, int] = {}
@@ -154,9 +153,7 @@ class SpliceSurvey(Survey):
         self._shown_mode = after
 
     def _write(self, line: int, code: bytes, targets: int) -> None:
-        self._written = line  # no empty lines
         super()._write(line, self._one_line(code), targets)
-        self._at.append(line)
         self._axes[line] = self._carried[line - self.lines + 1, 1].copy()
 
     def _cut(self, lines: WindowLines) -> None:
@@ -201,11 +198,8 @@ class SpliceSurvey(Survey):
             if turn and (words.at[row[k]] >= 0 or (words.at < 0).all()):
                 kept.append(k)
         self._leads = [self._leads[k] for k in kept]
-        self._cuts = [
-            (byte, line, count + int(np.searchsorted(other, line)))
-            for byte, line, count in (self._cuts[k] for k in kept)
-        ]
-        self.targets += len(other)
+        self._cuts = [self._cuts[k] for k in kept]
+        self._add_targets(other)
         before = np.array([*(count for _, _, count in self._cuts), self.targets])
         longest = int(np.argmax(np.diff(before)))
         if before[longest + 1] - before[longest] > LONGEST_CHUNK * self._asked:
@@ -224,17 +218,9 @@ class SpliceSurvey(Survey):
         odd &= (axis != own).any(axis=1)
         return int(skeleton.line[np.argmax(odd)]) if odd.any() else 0
 
-    def locate(self, line: int) -> int:
-        """Returns the line of the file that a line of the skeleton is; both are one-based."""
-        return self._at[min(line, len(self._at)) - 1] + 1 if self._at else line
-
     def splice(self) -> Splice:
         """Returns the text that chunks are read together with."""
-        edge = np.cumsum([0, *map(len, self._skeleton)])
-        return Splice(
-            text=self.skeleton, edge=edge, line=np.array(self._at, np.int64),
-            starts=self._starts, frames=self._frames,
-        )  # fmt: skip
+        return replace(super().splice(), starts=self._starts)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -264,17 +250,7 @@ class SpliceCutter:
         before = head.count(b"\n")
         carried = CarriedFrame(before + 1, *start.carried)
         frames = replace(part.frames, orientation=replace(part.frames.orientation, carried=carried))
-        language = find_language(whole.dialect)
-        try:
-            program = language.read(head + data + foot, name=whole.name, frames=frames)
-        except FormatError as cause:
-            line = None if cause.line is None else cause.line - before + lines.line
-            raise FormatError(
-                cause.message, source=whole.name, line=line, hint=cause.hint
-            ) from None
-        if not np.array_equal(program.T_flange_tool, whole.T_flange_tool, equal_nan=True):
-            raise FormatError("the file changed since it was outlined.", source=whole.name)
-        rows = slice(*np.searchsorted(program.line - 1, [before, before + count]).tolist())
+        program, rows = read_between(head, data, foot, lines, whole, frames)
         own = _take_targets(program, rows, before)
         if after.point and not _ends_at(own, frames.orientation, after):
             raise FormatError(
@@ -283,6 +259,26 @@ class SpliceCutter:
             )  # fmt: skip
         noted = [cut_note(each, before, count, lines.line - before) for each in program.noted]
         return ReadChunk(replace(own, noted=join_notes(noted)), len(head), len(foot))
+
+
+def read_between(
+    head: bytes, data: bytes, foot: bytes, lines: ChunkLines, whole: Program, frames: FrameTable
+) -> tuple[Program, slice]:
+    """Returns the program of some lines between others, and the rows of its targets in them.
+
+    Raises:
+        FormatError: They cannot be read, with the line in the file.
+    """
+    before, count = head.count(b"\n"), len(line_edges(data)) - 1
+    text = head + data + foot
+    try:
+        program = find_language(whole.dialect).read(text, name=whole.name, frames=frames)
+    except FormatError as cause:
+        line = None if cause.line is None else cause.line - before + lines.line
+        raise FormatError(cause.message, source=whole.name, line=line, hint=cause.hint) from None
+    if not np.array_equal(program.T_flange_tool, whole.T_flange_tool, equal_nan=True):
+        raise FormatError("the file changed since it was outlined.", source=whole.name)
+    return program, slice(*np.searchsorted(program.line - 1, [before, before + count]).tolist())
 
 
 def _ends_at(program: Program, rule: OrientationRule, after: SpliceStart) -> bool:

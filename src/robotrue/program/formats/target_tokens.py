@@ -8,7 +8,7 @@ its style, only when it differs by more than half of its last digit.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -48,6 +48,11 @@ class TargetTokens:
     unit: Array
     whole: BoolArray
     x_first: bool = False
+
+    def take(self, rows: slice) -> TargetTokens:
+        """Returns the places of some targets."""
+        names = ("start", "length", "value", "kind")
+        return replace(self, **{name: getattr(self, name)[rows] for name in names})
 
 
 def values_of(tokens: TargetTokens) -> tuple[Array, Array, Array]:

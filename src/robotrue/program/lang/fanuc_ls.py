@@ -24,6 +24,7 @@ from robotrue.program.controller_files import (
 from robotrue.program.formats.stated_feeds import PLAIN, feeds_of_points
 from robotrue.program.insertion import Inserter
 from robotrue.program.language import (
+    Cutter,
     FrameFiles,
     FrameForm,
     Language,
@@ -128,6 +129,12 @@ def _inserter() -> Inserter:
     return INSERTER
 
 
+def _cutter() -> Cutter:
+    from robotrue.program.formats.fanuc_chunks import CUTTER
+
+    return CUTTER
+
+
 LANGUAGE: Final = Language(
     name="fanuc_ls",
     suffixes=(".ls",),
@@ -137,6 +144,7 @@ LANGUAGE: Final = Language(
     called="a Fanuc LS program",
     sign=re.compile(rb"(?m)^[^\S\n]*+/PROG\b"),
     inserter=_inserter,
+    cutter=_cutter,
     feeds=_feeds,
     frame_files=FrameFiles(
         names=("SYSFRAME.VA", "FRAMEVAR.VA", "POSREG.VA"),

@@ -27,6 +27,7 @@ from robotrue.program.controller_files import (
 from robotrue.program.formats.stated_feeds import PLAIN, feeds_of_points
 from robotrue.program.insertion import Inserter
 from robotrue.program.language import (
+    Cutter,
     FrameFiles,
     FrameForm,
     Language,
@@ -144,6 +145,12 @@ def _inserter() -> Inserter:
     return INSERTER
 
 
+def _cutter() -> Cutter:
+    from robotrue.program.formats.jbi_chunks import CUTTER
+
+    return CUTTER
+
+
 LANGUAGE: Final = Language(
     name="jbi",
     suffixes=(".jbi",),
@@ -153,6 +160,7 @@ LANGUAGE: Final = Language(
     called="a Yaskawa JBI job",
     sign=re.compile(rb"(?m)^/JOB\b"),
     inserter=_inserter,
+    cutter=_cutter,
     feeds=_feeds,
     frame_files=FrameFiles(
         names=("TOOL.CND", "UFRAME.CND", "ALL.PRM", "RC.PRM"),
