@@ -9,8 +9,8 @@ from typing import Final
 
 import numpy as np
 
-from robotrue.program.formats.fanuc_moves import MOTION, PLAIN_MOVE, doubtful_words
-from robotrue.program.formats.fanuc_offsets import in_another_language
+from robotrue.program.formats.fanuc_moves import MOTION, PLAIN_MOVE
+from robotrue.program.formats.fanuc_offsets import doubtful_words, in_another_language
 from robotrue.program.formats.fanuc_scan import PLAIN_RECORD, RECORD_END, RECORD_HEAD, STATEMENT
 from robotrue.program.formats.fanuc_write import FanucSpans, read_config
 from robotrue.program.formats.numbered_chunks import (

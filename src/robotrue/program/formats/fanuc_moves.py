@@ -23,6 +23,7 @@ from robotrue.program.formats.fanuc_offsets import (
     MoveTarget,
     TargetOffset,
     cut_timed,
+    doubtful_words,
     in_another_language,
     join_targets,
     odd_word,
@@ -53,25 +54,6 @@ _REMARKS: Final = (b"!", b"//", b"--")
 _SHIFT: Final = re.compile(rb"(?:TOUCH|MP)[ \t]+OFFSET\b[ \t]*(END\b)?")
 _LEAP: Final = re.compile(rb"\bJMP\b|[:;]\s*(?:FOR|IF|ELSE|SELECT)\b")
 _TRACKING: Final = re.compile(rb"\bLINE_TRACK_SCHEDULE_NUMBER\s*:\s*0*([1-9]\d*)")
-_OPTIONS: Final = (
-    (
-        re.compile(rb"\bINC\b"),
-        Reason.RELATIVE,
-        "INC moves by a step from the target before it, and with its correction",
-    ),
-    (
-        re.compile(rb"\b(?:TOOL_OFFSET|OFFSET|VOFFSET)\b"),
-        Reason.EXPRESSION,
-        "an offset from a register moves the target",
-    ),
-    (
-        re.compile(rb"\b(?:PR|VR)\s*+\[\](?!\s*=)"),
-        Reason.EXPRESSION,
-        "an offset from a register moves the target",
-    ),
-    (re.compile(rb"\bRTCP\b"), Reason.TOOL_ON_FLOOR, "RTCP uses a tool fixed outside the robot"),
-    (re.compile(rb"\bCOORD\b"), Reason.EXTERNAL_AXIS, "COORD moves with another group"),
-)
 _SETS: Final = re.compile(rb"[ \t]*=")
 _TAILS: Final = 4096
 """Tails of moves remembered."""
@@ -500,12 +482,6 @@ class _Walk:
         if key not in self._told:
             self._told.add(key)
             self.out.notes.append(f"{self.name}:{self._line(place)}: {text}.")
-
-
-def doubtful_words(tail: bytes) -> tuple[tuple[Reason, str], ...]:
-    """Returns why words after a target make it another one, and a sentence on each."""
-    words = words_behind(tail)
-    return tuple((why, what) for sign, why, what in _OPTIONS if sign.search(words))
 
 
 def _digits(text: bytes) -> str:

@@ -21,6 +21,7 @@ from robotrue.program.formats.fanuc_values import (
     State,
     Value,
 )
+from robotrue.program.program import Reason
 
 _OFFSET: Final = re.compile(
     rb"\b(TOOL_)?OFFSET\b(?:[ \t]*,[ \t]*PR\[[ \t]*(\d{1,6})[ \t]*(?::[^\]]*)?\])?", re.IGNORECASE
@@ -39,6 +40,25 @@ _HARMLESS: Final = re.compile(
     rb"|FINE|FEIN|CNT\d*|ACC\d*|R\s*\[[^\]]*\]|\d+"
 )
 _BRACKETS: Final = re.compile(rb"\[[^\]]*\]")
+_OPTIONS: Final = (
+    (
+        re.compile(rb"\bINC\b"),
+        Reason.RELATIVE,
+        "INC moves by a step from the target before it, and with its correction",
+    ),
+    (
+        re.compile(rb"\b(?:TOOL_OFFSET|OFFSET|VOFFSET)\b"),
+        Reason.EXPRESSION,
+        "an offset from a register moves the target",
+    ),
+    (
+        re.compile(rb"\b(?:PR|VR)\s*+\[\](?!\s*=)"),
+        Reason.EXPRESSION,
+        "an offset from a register moves the target",
+    ),
+    (re.compile(rb"\bRTCP\b"), Reason.TOOL_ON_FLOOR, "RTCP uses a tool fixed outside the robot"),
+    (re.compile(rb"\bCOORD\b"), Reason.EXTERNAL_AXIS, "COORD moves with another group"),
+)
 
 
 class TargetOffset(NamedTuple):
@@ -196,6 +216,12 @@ def cut_timed(tail: bytes) -> bytes:
     words = _BRACKETS.sub(lambda match: b"[%b]" % (b" " * (len(match[0]) - 2)), tail[:closed])
     timed = _TIMED.search((words + tail[closed:]).upper())
     return tail[: timed.start()] if timed else tail
+
+
+def doubtful_words(tail: bytes) -> tuple[tuple[Reason, str], ...]:
+    """Returns why words after a target make it another one, and a sentence on each."""
+    words = words_behind(tail)
+    return tuple((why, what) for sign, why, what in _OPTIONS if sign.search(words))
 
 
 def odd_word(words: bytes) -> str:
