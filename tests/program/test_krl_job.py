@@ -291,6 +291,18 @@ def test_base_data_that_another_program_sets(first: str, second: str, base: floa
         assert used.T_base_frame[used.frame[0], 0, 3] == base * MM
 
 
+def test_base_data_that_a_routine_alone_sets_again_behind_calls() -> None:
+    again = "\n".join(
+        f"BASE_DATA[1]={{X {x},Y 0,Z 0,A 0,B 0,C 0}}\nother()\n$BASE=BASE_DATA[1]\n"
+        "LIN {X 1,Y 2,Z 3,A 0,B 0,C 0}"
+        for x in (5, 6)
+    )
+    text = f"DEF use()\n$TOOL=$NULLFRAME\n{again}\nEND\nDEF other()\nEND\n"
+    (program,) = LANGUAGE.read_job([("use.src", text.encode())], frames=FrameTable())
+    assert program.reason.tolist() == [Reason.NONE] * 2
+    np.testing.assert_array_equal(program.T_base_frame[program.frame, 0, 3], [5 * MM, 6 * MM])
+
+
 def test_base_data_set_by_a_computed_number_leave_no_number_known() -> None:
     lines = "n=1\nBASE_DATA[n]={X 5,Y 0,Z 0,A 0,B 0,C 0}\n$BASE"
     (program,) = LANGUAGE.read_job(

@@ -16,6 +16,7 @@ from robotrue.program.external_axes import plain_key
 _SET: Final = re.compile(
     r"\s*+(BASE|TOOL)_DATA\s*+\[([^\]]*+)\]((?:\s*+\.\s*+\w++)?)\s*+=(?!=)(.*)", re.IGNORECASE
 )
+_DEF: Final = re.compile(r"\s*+(?:GLOBAL\s++)?DEF(?:FCT)?\b", re.IGNORECASE)
 
 
 class StoredData:
@@ -24,10 +25,13 @@ class StoredData:
     def __init__(self) -> None:
         self._lines: dict[tuple[str, str], list[int]] = defaultdict(list)
         self._texts: dict[tuple[str, str], set[str]] = defaultdict(set)
+        self._routines: dict[tuple[str, str], set[int]] = defaultdict(set)
 
     def add(self, statements: Iterable[tuple[int, str]]) -> None:
         """Enters those of the statements (zero-based line, code) that set one, in rising order."""
+        begin = 0
         for line, code in statements:
+            begin = line if _DEF.match(code) else begin
             match = _SET.match(code)
             if match:
                 number = match[2].strip()
@@ -35,6 +39,7 @@ class StoredData:
                 text = "".join(match[4].lower().split())
                 plain = text.startswith("{") and not match[3]
                 self._lines[key].append(line)
+                self._routines[key].add(begin)
                 self._texts[key].add(text if plain else str(line))
 
     def may_differ(
@@ -54,11 +59,10 @@ class StoredData:
             return (side, "") in self._lines
         above = bisect_right(lines, line)
         own = above > 0 and lines[above - 1] >= begin
-        later = above < len(lines)
         if len(self._texts[side, number]) == 1:
-            return later and not own
+            return above < len(lines) and not own
         if not own:
             return True
         call = bisect_right(calls, lines[above - 1])
         called = call < len(calls) and calls[call] < line
-        return called and (later or lines[0] < begin)
+        return called and len(self._routines[side, number]) > 1
