@@ -3,7 +3,7 @@
 The file gives the frame of each joint in that of the joint before: x, y, z in m, and roll, pitch,
 yaw in rad. Two orders of the angles exist:
 
-* ``ur_calibration`` of both drivers (ROS 1 and ROS 2, every public version until 3.7) decomposes
+* ``ur_calibration`` of both drivers (ROS 1 and ROS 2; three public versions were read) decomposes
   its matrix with Eigen's ``eulerAngles(0, 1, 2)``: R = Rx(roll) Ry(pitch) Rz(yaw). This is the
   geometry of the controller: the matrices from the DH table of the controller agree with it.
 * ``ur_description`` puts the numbers into the ``rpy`` of a URDF: R = Rz(yaw) Ry(pitch) Rx(roll).
