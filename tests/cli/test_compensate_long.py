@@ -10,6 +10,8 @@ import pytest
 from robotrue.program import program_file
 from robotrue.program.program_file import outline_job
 
+VAL3 = "http://www.staubli.com/robotics/VAL3/"
+
 
 def program(count: int) -> str:
     head = "&ACCESS RVP\nDEF part()\n$BASE={X 0,Y 0,Z 0,A 0,B 0,C 0}\n"
@@ -159,6 +161,39 @@ def test_notes_of_a_tool_path_are_those_of_the_whole(
     assert (blocks.document["route"], blocks.document["blocks"]) == ("blocks", 4)
     assert blocks.document["notes"] == whole.document["notes"]
     assert "long.csv:2, 3, 4, 5, 6 and 245 more lines: only the tool axis" in blocks.err
+
+
+def test_two_files_of_a_val3_application_are_those_of_the_whole(
+    cli, work: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    tool = '<Value key="0" x="60" y="40" z="250" rx="0" ry="0" rz="0" fatherId="flange[0]" />'
+    data = [f"<Database xmlns='{VAL3}Data/2'><Datas>", '<Data name="t" type="tool">', tool]
+    data += ["</Data>", '<Data name="p" type="pointRx">']
+    for k in range(250):
+        place = f'x="{1200 - k % 40}.000" y="{200 - k}.000" z="{900 + k % 7}.000"'
+        data += [f'<Value key="{k}" {place} rx="0" ry="120" rz="0" fatherId="world[0]" />']
+    code = [f"<Programs xmlns='{VAL3}Program/2'><Program name='a'><Code>"]
+    code += [f"movel(p[{k}],t,mNom)" for k in range(250)]
+    (work / "long.dtx").write_text("\n".join([*data, "</Data></Datas></Database>", ""]))
+    (work / "long.pgx").write_text("\n".join([*code, "</Code></Program></Programs>", ""]))
+    call = ("compensate", work / "model.rtm", work / "long.pgx", "--start", "0,-80,80,0,40,0")
+    call = (*call, "--allow-steps", "--json", "-o")
+    whole = cli(*call, work / "whole.pgx")
+    monkeypatch.setattr(program_file, "LONG", 1)
+    monkeypatch.setattr(program_file, "outline_job", partial(outline_job, targets=60))
+    blocks = cli(*call, work / "blocks.pgx")
+    assert (whole.code, blocks.code) == (0, 0), blocks.err
+    for answer, route in ((whole, "whole"), (blocks, "blocks")):
+        files = {each["source"]: each for each in answer.document["files"]}
+        assert {each["route"] for each in files.values()} == {route}
+        assert files["long.dtx"]["compensated"] == 250
+    for name in ("pgx", "dtx"):
+        found = (work / f"blocks.{name}").read_bytes()
+        assert found == (work / f"whole.{name}").read_bytes()
+        assert (found == (work / f"long.{name}").read_bytes()) == (name == "pgx")
+    assert blocks.document["steps"]["count"] == whole.document["steps"]["count"]
+    length = whole.document["steps"]["path_mm"]
+    assert blocks.document["steps"]["path_mm"] == pytest.approx(length, rel=1e-12)
 
 
 def test_requests_that_cannot_be(cli, work: Path) -> None:

@@ -194,6 +194,12 @@ def _columns(
 ) -> tuple[PathTargets, IntArray]:
     """Returns the path through one program, and the place of each of its targets in the text."""
     place, row, motion = _order(program)
+    if not len(program):  # code that moves to computed targets, or to those of other files
+        none, lost = np.zeros(len(row), np.bool_), np.full((len(row), 3), np.nan)
+        return PathTargets(
+            names=names, file=np.full(len(row), file), line=-row, left=~none,
+            size=np.zeros(len(row)), joined=motion != Motion.PTP, home=none, place=lost,
+        ), place  # fmt: skip
     known = np.maximum(row, 0)
     left = ~np.isin(status, (Status.COMPENSATED, Status.UNCHANGED_NO_ERROR))[known] | (row < 0)
     follows = (program.reason[known] == Reason.RELATIVE) & (row >= 0)
@@ -228,8 +234,6 @@ def _order(program: Program) -> tuple[IntArray, IntArray, IntArray]:
 
 def _places(program: Program) -> Array:
     """Returns the targets (n, 3) m in the robot base, NaN for axis targets."""
-    if not len(program):
-        return np.full((1, 3), np.nan)
     out = np.empty((len(program), 3))
     for frame in np.unique(program.frame).tolist():
         rows = program.frame == frame

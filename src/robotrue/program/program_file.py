@@ -221,34 +221,51 @@ def outline_job(
     longest, language = find_longest(path)
     if language.cutter is None:
         return Whole(why=f"programs in {language.name} have no outline")
-    frames, beside = with_files_beside(path, language.name, frames)
+    frames, noted = with_files_beside(path, language.name, frames)
     survey = language.cutter().survey_file(longest.name, frames, targets)
     if isinstance(survey, Whole):
         return survey
-    refused = survey.run(longest)
+    beside = [each for each in (path, *companion_paths(path, language)) if each != longest]
+    refused = survey.run(longest, beside)
     if refused is not None:
         return refused
-    job = gather_files([path], language, instead={longest.name: survey.skeleton})
-    place = [name for name, _ in job.files].index(longest.name)
+    instead = {name: part.skeleton for name, part in survey.parts.items()}
+    job = gather_files([path], language, instead=instead)
+    names = [name for name, _ in job.files]
     try:
         programs = language.read_job(job.files, frames=frames)
     except FormatError as cause:
         line = None if cause.line is None else survey.locate(cause.line)
         raise FormatError(cause.message, source=cause.source, line=line, hint=cause.hint) from None
-    skeleton = _in_file(programs[place], survey)
-    refused = survey.judge(skeleton, [file for k, file in enumerate(job.files) if k != place])
-    if refused is not None:
-        return refused
+    others = [file for file in job.files if file[0] not in instead]
+    cut: dict[str, ProgramFile] = {}
+    for name, part in survey.parts.items():
+        skeleton = _in_file(programs[names.index(name)], part)
+        refused = part.judge(skeleton, others)
+        if refused is not None:
+            return refused
+        cut[name] = _outline_part(part, skeleton, language, frames, noted)
+    return tuple(
+        cut.get(name) or hold_program(program)
+        for k, (name, program) in enumerate(zip(names, programs, strict=True))
+        if name == longest.name or k < job.given or len(program)
+    )
+
+
+def _outline_part(
+    survey: Survey, skeleton: Program, language: Language, frames: FrameTable, noted: Sequence[str]
+) -> ProgramFile:
+    """Returns the outline of a file that is cut."""
     reason = np.where(skeleton.reason == Reason.OUT_OF_REACH, Reason.NONE, skeleton.reason)
-    outlined = ProgramFile(
-        name=longest.name,
+    return ProgramFile(
+        name=skeleton.name,
         dialect=language.name,
         size=survey.size,
         sha256=survey.sha256,
         targets=survey.targets,
         T_flange_tool=skeleton.T_flange_tool,
         start=skeleton.start,
-        notes=tuple(_COUNT.sub("", note) for note in (*skeleton.notes, *beside)),
+        notes=tuple(_COUNT.sub("", note) for note in (*skeleton.notes, *noted)),
         chunks=survey.chunks,
         content=Skeleton(
             program=replace(skeleton, data=b"", spans=None, notes=(), reason=reason),
@@ -256,11 +273,6 @@ def outline_job(
             external_axes_at_rest=frames.external_axes_at_rest,
             splice=survey.splice(),
         ),
-    )
-    return tuple(
-        outlined if k == place else hold_program(program)
-        for k, program in enumerate(programs)
-        if k == place or k < job.given or len(program)
     )
 
 

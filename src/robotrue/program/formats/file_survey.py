@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import hashlib
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import BinaryIO, ClassVar, Final, NamedTuple
 
@@ -101,8 +101,17 @@ class Survey(ABC):
         """Returns the code that represents a stretch that starts with a line, and its targets."""
         return lines.code(line), int(lines.targets[line])
 
-    def run(self, path: Path) -> Whole | None:
+    @property
+    def parts(self) -> Mapping[str, Survey]:
+        """The surveys of the files of the job that are cut, by file name."""
+        return {self.name: self}
+
+    def run(self, path: Path, beside: Sequence[Path] = ()) -> Whole | None:
         """Goes through a file; returns why it cannot be cut, if so.
+
+        Args:
+            path: The file.
+            beside: The other files of its job that lie next to it because of its name.
 
         Raises:
             FormatError: The bytes are not in the dialect.

@@ -154,7 +154,7 @@ class NumberedSurvey(PlacedSurvey):
                 at = int(rows[-1, 1])
                 yield part._replace(place=rows[:, :2], names=rows[:, 2] + part.first)
 
-    def run(self, path: Path) -> Whole | None:
+    def run(self, path: Path, beside: Sequence[Path] = ()) -> Whole | None:
         """Goes through a file; returns why it cannot be cut, if so."""
         refused = self._go_through(path, self._note_window)
         if refused is not None:

@@ -15,8 +15,14 @@ from robotrue.program.formats.target_tokens import TargetTokens
 from robotrue.program.formats.val3_files import PointValues
 
 POSE_NAMES: Final = ("x", "y", "z", "rx", "ry", "rz")
-_AXIS_NAMES: Final = ("j1", "j2", "j3", "j4", "j5", "j6")
+AXIS_NAMES: Final = ("j1", "j2", "j3", "j4", "j5", "j6")
 _TAG: Final = len(b"<Value")
+_TAG_BYTES: Final = np.frombuffer(b"<Value", np.uint8)
+_ATTRIBUTES: Final = np.array(
+    [[*name.encode().ljust(3, b"\0")] for name in ("key", *POSE_NAMES, *AXIS_NAMES)], np.uint8
+)
+_DIGITS: Final = 9, 20
+"""Most of the number of an element, and most bytes of a number of a plain point."""
 
 
 def find_point_numbers(data: bytes, points: PointValues, name: str) -> TargetTokens:
@@ -43,7 +49,7 @@ def find_point_numbers(data: bytes, points: PointValues, name: str) -> TargetTok
         place = int(start[row, column])
         written = data[place : place + int(length[row, column])].decode("utf-8", "replace")
         text = " ".join(written.split())[:60]
-        word = (_AXIS_NAMES if is_axis[row] else POSE_NAMES)[column]
+        word = (AXIS_NAMES if is_axis[row] else POSE_NAMES)[column]
         raise FormatError(
             f"{word} of {points.name[row]}[{points.key[row]}] is {text!r}, expected a number.",
             source=name,
@@ -98,6 +104,95 @@ def _find_attributes(
             if column >= 0:
                 start[row, column], length[row, column] = value, last - value
                 plain[row, column] = _is_number(buf, value, last)
+
+
+def find_plain_points(data: bytes, edges: IntArray) -> IntArray:
+    """Returns the lines that are one point or axis target with all of its numbers, in order.
+
+    Args:
+        data: Text.
+        edges: (l + 1,) first byte of each of its lines, and the size.
+
+    Returns:
+        (n, 7) line, first byte of the tag, number of the element, whether it is one of axes, first
+        byte and end of the attributes after the numbers, whether those of the point before are the
+        same.
+    """
+    found = np.empty((len(edges) - 1, 7), np.int64)
+    buf = np.frombuffer(data, np.uint8)
+    return found[: _find_plain_points(buf, edges, _TAG_BYTES, _ATTRIBUTES, found)]
+
+
+@compile_kernel(PLAIN)
+def _find_plain_points(
+    buf: Bytes, edges: IntArray, tag: Bytes, names: Bytes, found: IntArray
+) -> int:
+    """Writes the plain points into ``found`` and returns their number."""
+    count = 0
+    for line in range(edges.size - 1):
+        first, end = edges[line], edges[line + 1]
+        while end > first and _is_blank(buf[end - 1]):
+            end -= 1
+        first = _pass_blanks(buf, first, end)
+        plain = end - first > tag.size + 2 and buf[end - 2] == 47 and buf[end - 1] == 62
+        for k in range(tag.size if plain else 0):
+            plain &= buf[first + k] == tag[k]
+        for k in range(edges[line], end if plain else 0):
+            plain &= 32 <= buf[k] <= 126 or buf[k] == 9
+        if not plain:
+            continue
+        i, end, of_axes, key = first + tag.size, end - 2, 0, 0
+        for column in range(7):
+            value = _pass_name(buf, i, end, names[column + 6 * of_axes])
+            if value < 0 and column == 1:
+                of_axes = 1
+                value = _pass_name(buf, i, end, names[7])
+            i = value
+            while 0 <= i < end and buf[i] != buf[value - 1]:
+                i += 1
+            if i < 0 or i >= end or not _is_plain(buf, value, i, column == 0):
+                i = -1
+                break
+            for k in range(value, i if column == 0 else value):
+                key = 10 * key + buf[k] - 48
+            i += 1
+        if i >= 0:
+            same = count > 0 and end - i == found[count - 1, 5] - found[count - 1, 4]
+            for k in range(end - i if same else 0):
+                same &= buf[i + k] == buf[found[count - 1, 4] + k]
+            found[count] = line, first, key, of_axes, i, end, int(same)
+            count += 1
+    return count
+
+
+@compile_kernel(PLAIN)
+def _pass_name(buf: Bytes, i: int, end: int, name: Bytes) -> int:
+    """Returns the first byte of the value of an attribute after blanks, -1 if it is another."""
+    j = _pass_blanks(buf, i, end)
+    if j == i:
+        return -1
+    for k in range(name.size):
+        if name[k]:
+            if j >= end or buf[j] != name[k]:
+                return -1
+            j += 1
+    if j + 1 >= end or buf[j] != 61 or (buf[j + 1] != 34 and buf[j + 1] != 39):
+        return -1
+    return j + 2
+
+
+@compile_kernel(PLAIN)
+def _is_plain(buf: Bytes, i: int, end: int, whole: bool) -> bool:
+    """Returns whether bytes are a number that is finite, or the plain number of an element."""
+    if whole:
+        plain = 0 < end - i <= _DIGITS[0] and (buf[i] != 48 or end - i == 1)
+        for k in range(i, end):
+            plain &= 48 <= buf[k] <= 57
+        return plain
+    plain = end - i <= _DIGITS[1] and _is_number(buf, i, end)
+    for k in range(i, end):
+        plain &= (buf[k] | 32) != 101 or end - k <= 3 + (buf[k + 1] < 48)
+    return plain
 
 
 @compile_kernel(PLAIN, inline=True)

@@ -17,7 +17,8 @@ from robotrue.core.arrays import Array
 from robotrue.core.rotations import abc_from_matrix
 from robotrue.core.units import DEG
 from robotrue.program.controller_files import print_mm
-from robotrue.program.language import FrameForm, Language, NamedBytes, TableForm
+from robotrue.program.lang.word_languages import LONG_PATH
+from robotrue.program.language import Cutter, FrameForm, Language, NamedBytes, TableForm
 from robotrue.program.program import FrameTable, Program, Replacement
 
 _SCHEMA: Final = re.compile(rb"http://www\.staubli\.com/robotics/VAL3/(?:Data|Program|Project)/")
@@ -58,6 +59,12 @@ def _write(program: Program, replacement: Replacement) -> bytes:
     return rewritten(program, replacement, tokens, (), aligned=False)
 
 
+def _cutter() -> Cutter:
+    from robotrue.program.formats.val3_chunks import CUTTER
+
+    return CUTTER
+
+
 def _value(xyz: Array, R: Array) -> str:
     x, y, z = print_mm(xyz)
     rz, ry, rx = (f"{np.round(-turn, 6) + 0.0:.6f}" for turn in abc_from_matrix(R.T) / DEG)
@@ -85,6 +92,8 @@ LANGUAGE: Final = Language(
     reader=_read,
     writer=_write,
     called="a VAL3 file",
+    cutter=_cutter,
+    long=LONG_PATH,
     sign=_SCHEMA,
     name_companions=_name_companions,
     name_files=_name_files,
