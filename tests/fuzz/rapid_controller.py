@@ -63,6 +63,10 @@ class Handled(Exception):
     """Ends a handler: with ``retry`` or ``trynext``."""
 
 
+class Failed(Exception):
+    """An error that no routine has handled yet."""
+
+
 class Returned(Exception):
     """Ends a routine, with the value of a function."""
 
@@ -142,7 +146,7 @@ class RapidController:
             self.shift, self.traps = np.eye(4), {}
         self.__dict__.setdefault("shift", np.eye(4))
         self.__dict__.setdefault("traps", {})
-        self.trapped, self.steps = False, 0
+        self.trapped, self.steps, self.handlers = False, 0, 0
         try:
             self._call("main", [])
         except Ended:
@@ -260,19 +264,31 @@ class RapidController:
     def _try(self, line: str, routine: Routine, scope: Any) -> bool:
         """Executes a statement; returns whether the next one follows, not the same again.
 
-        A motion may fail, before it or at its end, where its own routine has a handler; an error
-        that ends a routine without one is not executed.
+        A motion may fail, before it or at its end, where its own routine has a handler or one that
+        called it.
         """
         first, end = routine.handler
-        fails = line.startswith("move") and first < end and self.rng.random() < 0.1
-        if not (fails and self.rng.random() < 0.5):
-            self._act(line, scope)
-        if not fails:
-            return True
+        known = self.handlers
+        self.handlers = known + (first < end)
+        fails = line.startswith("move") and self.handlers > 0 and self.rng.random() < 0.1
+        try:
+            if not (fails and self.rng.random() < 0.5):
+                self._act(line, scope)
+            if not fails:
+                return True
+        except Failed:
+            pass
+        finally:
+            self.handlers = known
+        if first >= end:
+            raise Failed
+        self.handlers = 0  # an error in a handler stops the program
         try:
             self._block(routine._replace(first=first, end=end, handler=(0, 0)), scope)
         except Handled as way:
             return str(way) == "trynext"
+        finally:
+            self.handlers = known
         raise Returned(None)
 
     def _block(self, routine: Routine, scope: tuple[dict[str, Any], str]) -> None:
@@ -375,9 +391,9 @@ class RapidController:
     def _interrupt(self) -> None:
         for trap in list(self.traps.values()):
             if self.rng.random() < 0.12 and not self.trapped:
-                self.trapped = True
+                known, self.handlers, self.trapped = self.handlers, 0, True
                 self._call(trap, [])
-                self.trapped = False
+                self.handlers, self.trapped = known, False
 
     def _act(self, line: str, scope: tuple[dict[str, Any], str]) -> None:
         word, _, rest = line.partition(" ")

@@ -108,6 +108,28 @@ def test_what_a_statement_does_to_the_points(statement: str, reasons: list[Reaso
     assert write_program(program, move_by(program, 0.0)) == DTX.encode()
 
 
+@pytest.mark.parametrize(
+    ("statement", "expected"),
+    [
+        ("x=1", NONE),
+        ("fCell.trsf={1,2,3,0,0,0}", Reason.UNKNOWN_FRAME),
+        ("nErr=setFrame(pO,pX,pY,fPart[1])", Reason.UNKNOWN_FRAME),
+        ("fPart[nI].trsf.z=5", Reason.UNKNOWN_FRAME),
+        ("link(fCell,fOther)", Reason.UNKNOWN_FRAME),
+        ("tMill.trsf.z=5", Reason.UNKNOWN_FRAME),
+    ],
+)
+def test_frames_and_tools_that_another_program_of_the_application_changes(
+    statement: str, expected: Reason
+) -> None:
+    other = pgx(f"begin\n  {statement}\nend", name="setup")
+    files = [("app.dtx", DTX.encode()), ("setup.pgx", other.encode()), ("cut.pgx", pgx().encode())]
+    for each in (files, files[::-1]):
+        job = find_language("val3").read_job(each, frames=FrameTable())
+        points = next(program for program in job if len(program))
+        assert points.reason[:2].tolist() == [expected] * 2
+
+
 def test_arcs_are_compensated_together_or_not_at_all() -> None:
     program = read_points(BODY.replace("waitEndMove()", "movel(pPath[2],flange,mNom)"))
     assert program.reason[:4].tolist() == [NONE, NONE] + [Reason.UNKNOWN_FRAME] * 2

@@ -164,6 +164,18 @@ def test_elements_that_other_statements_name_are_judged_apart(tmp_path: Path) ->
     assert np.flatnonzero(whole[1].reason == Reason.UNKNOWN_FRAME).tolist() == [20]
 
 
+@pytest.mark.parametrize(("statement", "left"), [("t.trsf={0,0,9,0,0,0}", 40), ("x=1", 0)])
+def test_a_tool_that_another_program_changes(tmp_path: Path, statement: str, left: int) -> None:
+    path = application(tmp_path, [], [])
+    code = f"<Program name='b'><Code><![CDATA[begin\n{statement}\nend]]></Code></Program>"
+    path.write_text(path.read_text().replace("</Programs>", f"\n{code}\n</Programs>"))
+    found, whole = outline_job(path, FrameTable(), targets=8), read_job(path, FrameTable())
+    assert not isinstance(found, Whole), found
+    parts = [require_same(program, file) for program, file in zip(whole, found, strict=True)]
+    reasons = np.concatenate([part.reason for file in parts for part in file])
+    assert (reasons == Reason.UNKNOWN_FRAME).sum() == left
+
+
 def test_a_file_of_computed_motions_alone_has_steps(tmp_path: Path) -> None:
     code, points = read_job(application(tmp_path, [], ["movel(p[nI],t,mNom)"]), FrameTable())
     assert (len(code), code.path[:, 1].tolist()) == (0, [-43])

@@ -9,7 +9,7 @@ point, in which a routine is summarised by its effect on the incoming version.
 from __future__ import annotations
 
 from collections import defaultdict, deque
-from collections.abc import Hashable, Iterable, Mapping, Sequence
+from collections.abc import Collection, Hashable, Iterable, Mapping, Sequence
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -79,6 +79,7 @@ class ControlFlow:
         self._jumps: list[tuple[int, int, str]] = []
         self._handlers: set[str] = set()
         self._resumes = False
+        self._cut_short: Collection[int] = ()
         self._drawn = -1
         self._sets: dict[Hashable, list[tuple[int, int]]] = defaultdict(list)
         self._solved: dict[Hashable, Reaching] = {}
@@ -210,8 +211,9 @@ class ControlFlow:
             place = self._labels.get((routine, name), -1)
             if place >= 0 and node >= 0:
                 self._before[place].append(node)
-        if self._resumes:
-            for node, routine in enumerate(self._routine):
+        self._cut_short = self._list_cut_short()
+        for node, routine in enumerate(self._routine if self._cut_short else ()):
+            if routine in self._cut_short:
                 self._last[routine].append(node)
 
     # Answers
@@ -302,6 +304,10 @@ class ControlFlow:
 
     # Hooks for languages
 
+    def _list_cut_short(self) -> Collection[int]:
+        """Returns the routines that may be left at any place; asked once all is drawn."""
+        return range(len(self._first)) if self._resumes else ()
+
     def _enter(self, key: Hashable, node: int) -> list[int]:
         """Returns the routines of the program that a node may start."""
         return [self._names[name] for name in self._calls[node] if name in self._names]
@@ -382,7 +388,8 @@ class _DataFlow:
                 continue
             self.out[node] = new
             wake = list(behind[node])
-            left = [self.middle[node], *self._versions(node)] if flow._resumes else [new]
+            cut = flow._routine[node] in flow._cut_short
+            left = [self.middle[node], *self._versions(node)] if cut else [new]
             for routine in ends[node]:
                 total = _join([self.effect[routine], *left], node, self.effect[routine])
                 if total != self.effect[routine]:
@@ -404,9 +411,7 @@ class _DataFlow:
         if mark != _UNREACHED:
             mark = self.flow._pass_node(self.key, node, mark)
         self.middle[node] = mark
-        if mark == _UNREACHED:
-            return mark
-        return [mark, *self._versions(node)][-1]
+        return mark if mark == _UNREACHED else [mark, *self._versions(node)][-1]
 
     def _versions(self, node: int) -> Sequence[int]:
         return self.flow._versions_behind(self.key, node, self.behind)

@@ -345,3 +345,11 @@ class _Builder:
                 "object or displacement; targets that may come after it are compensated as if it "
                 "had not run."
             )
+        lost = np.isin(self.reason, (Reason.UNKNOWN_FRAME, Reason.RELATIVE)).any()
+        early = self.walk.course.list_uncertain() if lost else []
+        if early:
+            self.tell.say(
+                f"{name}: an error may end {', '.join(early)} early, and an error handler continues; "
+                "the tool, work object or displacement set there is not known behind the call, and "
+                "targets in it are not compensated. Set it between the call and the next motion."
+            )

@@ -9,9 +9,9 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from robotrue.program.formats import rapid_scan as scan
-from robotrue.program.formats.control_flow import ControlFlow
 from robotrue.program.formats.number_table import NumberTable
 from robotrue.program.formats.rapid_expression import PURE
+from robotrue.program.formats.rapid_flow import RapidFlow
 from robotrue.program.formats.rapid_frames import KINDS, TOOL, WORK, RapidFrames
 from robotrue.program.formats.rapid_moves import READING
 from robotrue.program.formats.rapid_values import KINDS as FOLLOWED
@@ -156,7 +156,7 @@ class Data:
         data: bytes,
         name: str,
         frames: RapidFrames,
-        course: ControlFlow,
+        course: RapidFlow,
         task: RapidTask | None = None,
     ) -> None:
         self.values = RapidValues(course, task or RapidTask(), name)

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable
+import re
+from collections import defaultdict
+from collections.abc import Collection, Hashable
 from functools import cached_property
 from typing import Final
 
-from robotrue.program.formats.control_flow import ControlFlow
+from robotrue.program.formats.control_flow import AS_FOUND, ControlFlow
 from robotrue.program.formats.rapid_frames import TOOL, WORK
 from robotrue.program.formats.rapid_values import RapidTask
 
@@ -24,6 +26,9 @@ FOREIGN: Final = "routine in no file"
 """Since it ran its possible changes have not been set again: this, and a key of ``SHIFTS`` or
 (side, name) of tools and work objects."""
 
+_CONTINUES: Final = re.compile(r"(?:^|;|\bend\w+)\s*+(?:retry|trynext)\s*+;\s*+$", re.IGNORECASE)
+_LEAVES: Final = re.compile(r"\b(?:return|raise)\b", re.IGNORECASE)
+
 
 class RapidFlow(ControlFlow):
     """The control flow of a module that runs again and again, and whose routines others may call.
@@ -40,6 +45,43 @@ class RapidFlow(ControlFlow):
         super().__init__()
         self.own: set[tuple[str, str]] = set()
         self._task, self._module = task, module
+        self._caught: dict[str, str] = {}
+
+    def catch(self, routine: str, text: str) -> None:
+        """Enters the error handler of a routine: its text without comments."""
+        self._caught[routine] = text
+
+    def list_uncertain(self) -> list[str]:
+        """Returns the routines that an error may end before they have set a requested variable."""
+        effects = [one.effect for one in self._solved.values()]
+        return sorted(
+            name for name, routine in self._names.items()
+            if routine in self._cut_short and any(each[routine] < AS_FOUND for each in effects)
+        )  # fmt: skip
+
+    def _list_cut_short(self) -> Collection[int]:
+        """Returns the routines that an error may end at any place while the program continues.
+
+        Those a handler returns from, and those without one that a routine with one calls; after
+        RETRY it calls them again.
+        """
+        caught = {self._names[name]: text.lower() for name, text in self._caught.items()}
+        calls = defaultdict[int, set[int]](set)
+        for node, (routine, names) in enumerate(zip(self._routine, self._calls, strict=True)):
+            calls[routine] |= {self._names[one] for one in names if one in self._names}
+            if names and "retry" in caught.get(routine, ""):
+                self._before[node].append(node)
+        out = {
+            k for k, text in caught.items() if _LEAVES.search(text) or not _CONTINUES.search(text)
+        }
+        if self._task.is_read_outside("error", self._module):
+            out |= self._called_outside - caught.keys()
+        waiting = [*(out | caught.keys())]
+        while waiting:
+            fresh = calls[waiting.pop()] - out - caught.keys()
+            out |= fresh
+            waiting += fresh
+        return out
 
     @cached_property
     def _called_outside(self) -> set[int]:

@@ -10,11 +10,10 @@ from typing import Final, NamedTuple
 from robotrue.core.arrays import Array
 from robotrue.errors import FormatError
 from robotrue.program.formats import rapid_scan as scan
-from robotrue.program.formats.control_flow import ControlFlow
 from robotrue.program.formats.expression import NotConstantError
 from robotrue.program.formats.rapid_data import LITERAL, NOTHING, POSE, Data
 from robotrue.program.formats.rapid_expression import flat_numbers, pose_of
-from robotrue.program.formats.rapid_flow import AXES_SHIFTED, FOREIGN, SHIFTED, SHIFTS
+from robotrue.program.formats.rapid_flow import AXES_SHIFTED, FOREIGN, SHIFTED, SHIFTS, RapidFlow
 from robotrue.program.formats.rapid_frames import TOOL, WORK, RapidFrames
 from robotrue.program.formats.rapid_moves import (
     BUILT_IN,
@@ -72,7 +71,7 @@ class RapidWalk(Data):
         data: bytes,
         name: str,
         frames: RapidFrames,
-        course: ControlFlow,
+        course: RapidFlow,
         task: RapidTask | None = None,
     ) -> None:
         super().__init__(data, name, frames, course, task)
@@ -83,6 +82,7 @@ class RapidWalk(Data):
         self._calls: list[tuple[int, str, int]] = []
         self._routines: set[str] = set()
         self._shifts: list[tuple[int, str]] = []
+        self._handler = 0  # where the error handler being read begins
 
     def all(self) -> None:
         """Reads every statement."""
@@ -226,9 +226,12 @@ class RapidWalk(Data):
         if word in ("proc", "func", "trap"):
             self._routine(statement, word)
         elif word in ("endproc", "endfunc", "endtrap"):
+            self._end_handler(statement)
             self.values.end_routine(self.place)
             self.scope = ""
         elif word in ("error", "undo", "backward"):
+            self._end_handler(statement)
+            self._handler = statement.end if word == "error" else 0
             self.course.start(self.place, f"{self.scope} {word}", handler=True)
             self.values.begin_routine(self.place, f"{self.scope} {word}", handler=True)
         elif word == "module":
@@ -240,6 +243,12 @@ class RapidWalk(Data):
         else:
             return word == "prefix" or self._in_record
         return True
+
+    def _end_handler(self, statement: scan.RapidStatement) -> None:
+        if self._handler:
+            text = scan.clean(self.data[self._handler : statement.start])
+            self.course.catch(self.scope, text)
+        self._handler = 0
 
     def _text(self, statement: scan.RapidStatement) -> str:
         return scan.clean(self.data[statement.body : statement.end])
