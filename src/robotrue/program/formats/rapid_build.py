@@ -349,7 +349,7 @@ class _Builder:
         early = self.walk.course.list_uncertain() if lost else []
         if early:
             self.tell.say(
-                f"{name}: an error may end {', '.join(early)} early, and an error handler continues; "
+                f"{name}: an error may end {', '.join(early)} early while a handler continues; "
                 "the tool, work object or displacement set there is not known behind the call, and "
                 "targets in it are not compensated. Set it between the call and the next motion."
             )
