@@ -13,7 +13,7 @@ from robotrue.core.units import DEG
 from robotrue.errors import FormatError
 from robotrue.program.formats import detect, read_job
 from robotrue.program.lang import find_language
-from robotrue.program.program import FrameTable, Motion, Program, Reason
+from robotrue.program.program import FrameTable, Motion, Reason
 
 EXPRESSION = Reason.EXPRESSION
 J = f"[[10,-70,100,5,60,-20],{REST}]"
@@ -446,52 +446,3 @@ def test_a_loop_without_a_counter_and_a_point_hidden_by_one_without_value() -> N
     data = "\n".join(["MODULE m", *lines, "ENDMODULE", ""]).encode()
     program = find_language("rapid").read(data, name="m.mod", frames=FrameTable())
     assert Reason.NONE not in program.reason.tolist()
-
-
-@pytest.mark.parametrize(
-    ("end", "in_main", "main", "sub"),
-    [
-        ("TRYNEXT;", True, False, True),  # sub may have ended before its PDispSet, or behind it
-        ("IF ERRNO=1 THEN\nWaitTime 1;\nENDIF\nTRYNEXT;", True, False, True),
-        ("RETRY;", True, False, False),  # and begins again
-        ("RETURN;", False, False, True),
-        ("IF ERRNO=1 THEN\nTRYNEXT;\nENDIF", False, False, True),
-        ("TRYNEXT;", False, True, True),  # the next motion of sub
-        ("RETRY;", False, True, True),
-    ],
-)
-def test_what_a_routine_that_an_error_ends_early_has_set_is_unknown(
-    end: str, in_main: bool, main: bool, sub: bool
-) -> None:
-    handler = f"ERROR\n{end}\n"
-    shift = f"{move(target(2))}PDispSet [[0,0,5],[1,0,0,0]];\n{move(target(3))}PDispOff;\n"
-
-    def read_with(between: str) -> Program:
-        text = f"PDispOff;\nsub;\n{between}{move(target(1))}{handler if in_main else ''}"
-        text += f"ENDPROC\nPROC sub()\n{shift}{'' if in_main else handler}ENDPROC\n"
-        return read(f"{FRAMES}PROC main()\n{text}ENDMODULE")
-
-    program = read_with("")
-    assert (program.reason == Reason.NONE).tolist() == [main, sub, True]
-    assert any("an error may end sub early" in note for note in program.notes) == (not main)
-    assert read_with("PDispOff;\n").reason[0] == Reason.NONE
-
-
-def test_errors_reach_through_routines_without_a_handler_and_leave_others_alone() -> None:
-    sub = f"PROC sub()\n{move(target(2))}fixture.uframe:=[[9,0,0],[1,0,0,0]];\nENDPROC\n"
-    main = "PROC main()\nfixture.uframe:=[[5,0,0],[1,0,0,0]];\nmid;\n" + move(target(1))
-    mid = "ENDPROC\nPROC mid()\nsub;\nENDPROC\n"
-    reached = read(f"{FRAMES}{main}ERROR\nTRYNEXT;\n{mid}{sub}ENDMODULE")
-    assert reached.reason[0] == Reason.UNKNOWN_FRAME
-    other = "PROC other()\nWaitTime 1;\nERROR\nTRYNEXT;\nENDPROC\n"
-    assert read(f"{FRAMES}{main}{mid}{sub}{other}ENDMODULE").reason[0] == Reason.NONE
-
-
-def test_errors_that_another_module_handles() -> None:
-    shift = f"PDispSet [[0,0,5],[1,0,0,0]];\n{move(target(2))}PDispOff;\n"
-    part = f"{FRAMES}PROC sub()\n{shift}ENDPROC\nPROC two()\n{move(target(1))}ENDPROC\nENDMODULE"
-    for handler, expected in (("", Reason.NONE), ("ERROR\nTRYNEXT;\n", Reason.RELATIVE)):
-        main = f"MODULE top\nPROC main()\nsub;\ntwo;\n{handler}ENDPROC\nENDMODULE"
-        files = [("part.mod", part.encode()), ("top.mod", main.encode())]
-        program = find_language("rapid").read_job(files, frames=FrameTable())[0]
-        assert program.reason.tolist() == [Reason.NONE, expected]

@@ -77,6 +77,21 @@ _ALONE: Final = frozenset(
     """else endif endwhile endfor endtest endproc endfunc endtrap endrecord endmodule undo
     backward""".split()
 )
+COMPACT: Final = re.compile(
+    rb'(?:"(?:[^"\r\n]|"")*+"|![^\r\n]*+|[^"!\w\x80-\xff]|'
+    + WORD
+    + rb"(?:\s*+\.\s*+"
+    + WORD
+    + rb")*+)*?(?<![\w\x80-\xff])"
+    rb"((?:Move|Trigg|Search|Arc)" + WORD + rb"|" + WORD + rb"(?=\s*+(?:\{[^{}]*+\}"
+    rb"\s*+)?+(?:\.\s*+" + WORD + rb"\s*+)*+:=)|GOTO|RETURN|EXIT)(?![\w\x80-\xff])",
+    re.IGNORECASE | re.DOTALL,
+)
+"""``IF condition instruction;`` up to the end of the instruction's first word."""
+_NAME_OF_FUNCTION: Final = re.compile(
+    rb"\bFUNC\s++" + WORD + rb"\s++(" + WORD + rb")", re.IGNORECASE
+)
+_USED: Final = re.compile(rb"(" + WORD + rb")\s*+\(")
 
 
 class RapidStatement(NamedTuple):
@@ -245,3 +260,14 @@ def fills(pattern: re.Pattern[bytes], data: bytes, start: int, end: int) -> re.M
 def numbers_of(literal: bytes) -> list[bytes]:
     """Returns the numbers of a literal as printed."""
     return re.findall(WHOLE_NUMBER, re.sub(rb"![^\r\n]*", b"", literal))
+
+
+def list_functions(data: bytes) -> frozenset[bytes]:
+    """Returns the names of the functions of a module, in lower case."""
+    return frozenset(name.lower() for name in _NAME_OF_FUNCTION.findall(data))
+
+
+def find_calls(data: bytes, start: int, end: int, functions: frozenset[bytes]) -> list[str]:
+    """Returns which of some functions the code between two bytes calls, in its order."""
+    names = [name.lower() for name in _USED.findall(data, start, end)] if functions else []
+    return [name.decode("latin-1") for name in names if name in functions]

@@ -38,16 +38,6 @@ _NAMED: Final = re.compile(r"[A-Za-z_\x80-\xff][\w\x80-\xff]*")
 _PARAMETER: Final = re.compile(
     r"(?:INOUT|VAR|PERS|switch)?\s*[\w\x80-\xff]+\s+([\w\x80-\xff]+)\s*+(?:\{[^}]*+\}\s*+)?$"
 )
-_COMPACT: Final = re.compile(
-    rb'(?:"(?:[^"\r\n]|"")*+"|![^\r\n]*+|[^"!\w\x80-\xff]|'
-    + scan.WORD
-    + rb"(?:\s*+\.\s*+"
-    + scan.WORD
-    + rb")*+)*?(?<![\w\x80-\xff])"
-    rb"((?:Move|Trigg|Search|Arc)" + scan.WORD + rb"|" + scan.WORD + rb"(?=\s*+(?:\{[^{}]*+\}"
-    rb"\s*+)?+(?:\.\s*+" + scan.WORD + rb"\s*+)*+:=)|GOTO|RETURN|EXIT)(?![\w\x80-\xff])",
-    re.IGNORECASE | re.DOTALL,
-)
 
 
 class _Motion(NamedTuple):
@@ -82,6 +72,7 @@ class RapidWalk(Data):
         self._calls: list[tuple[int, str, int]] = []
         self._routines: set[str] = set()
         self._shifts: list[tuple[int, str]] = []
+        self._functions = scan.list_functions(data)
         self._handler = 0  # where the error handler being read begins
 
     def all(self) -> None:
@@ -137,6 +128,8 @@ class RapidWalk(Data):
 
     def _statement(self, statement: scan.RapidStatement) -> None:
         word = statement.word
+        if self._functions and word not in ("if", "func"):
+            self._use_functions(statement.body, statement.end)
         move = move_of(word)
         if move is not None:
             self._move(statement.body, statement.end, move)
@@ -145,6 +138,12 @@ class RapidWalk(Data):
         elif not self._control(statement, word) and not self.declare(statement):
             if not self.assign(statement.start, statement.end):
                 self._instruction(statement)
+
+    def _use_functions(self, start: int, end: int) -> None:
+        """Passes through the functions of the module that an expression names."""
+        for name in scan.find_calls(self.data, start, end, self._functions):
+            self.course.call(self.place, [name])
+            self.values.call(self.scope, name)
 
     def _shift(self, statement: scan.RapidStatement, word: str) -> None:
         """Enters a displacement or offset; one of constants is known when all has been read."""
@@ -270,7 +269,7 @@ class RapidWalk(Data):
     def _compact(self, statement: scan.RapidStatement) -> None:
         """``IF condition instruction;``: the instruction runs on one of two ways."""
         self.course.branch(self.place, opens=True)
-        match = _COMPACT.match(self.data, statement.body, statement.end)
+        match = scan.COMPACT.match(self.data, statement.body, statement.end)
         self.place += 1
         if match is None:
             self.mention(statement.body, statement.end, "if")
@@ -285,6 +284,7 @@ class RapidWalk(Data):
         else:
             start, body = match.start(1), match.end(1)
             self.mention(statement.body, start, "")
+            self._use_functions(statement.body, start)
             self._statement(
                 scan.RapidStatement(match[1].decode("latin-1").lower(), start, body, statement.end)
             )
