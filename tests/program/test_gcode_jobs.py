@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from robotrue.core.units import DEG
+from robotrue.core.units import DEG, MM
 from robotrue.program.lang import find_language
 from robotrue.program.orientation import OrientationRule
 from robotrue.program.program import FrameTable, Reason
@@ -104,3 +104,83 @@ def test_a_conversational_program_that_is_called_behind_a_datum_shift(
     reason, notes = reason_of_called("heidenhain", "part.h", caller, called)
     assert reason == [Reason.UNKNOWN_FRAME if shifted else Reason.NONE]
     assert ("main.h may call it in line 6" in notes) == shifted
+
+
+PLAIN = "G1 X1. Y2. Z3. F100.\n"
+
+
+@pytest.mark.parametrize(
+    ("lines", "frame", "reason"),
+    [
+        ("G55\nM98 P7", "G55", Reason.NONE),
+        ("G55 M98 P7", "G55", Reason.NONE),
+        ("G54.1 P3\nM98 P7", "G54.1 P3", Reason.NONE),
+        ("G55\nM98 P9\nM98 P7", "G55", Reason.NONE),  # P9 is not in the job: it changes nothing
+        ("G55\nM98 P7\nG54\nM98 P7", "", Reason.INCOMPLETE),
+        ("G55\nM98 P9\nG54 G90 G1 X1. Y1. Z1.\nM98 P7", "G54", Reason.NONE),
+        ("G55\nM98 P7\nG55\nM98 P7", "G55", Reason.NONE),
+        ("IF [#1 EQ 1] GOTO 10\nG55\nN10\nM98 P7", "", Reason.INCOMPLETE),
+        ("G91\nM98 P7", "G54", Reason.RELATIVE),
+        ("G20\nM98 P7", "G54", Reason.NONE),
+        ("T2 M6\nM98 P7", "G54", Reason.NONE),
+    ],
+)
+def test_a_called_program_has_the_states_of_its_caller(
+    lines: str, frame: str, reason: Reason
+) -> None:
+    files = [
+        ("part.nc", f"O7\n{PLAIN}M99\n".encode()),
+        ("main.nc", f"O8\nT1 M6\nG21 G90 G54\n{PLAIN}{lines}\nM30\n".encode()),
+    ]
+    tables = {name: np.eye(4) for name in TABLE.bases}
+    for k, matrix in enumerate(tables.values()):
+        matrix[0, 3] = k + 1.0
+    tools = {"T1": np.eye(4), "T2": np.diag([1.0, -1.0, -1.0, 1.0])}
+    given = FrameTable(bases=tables, tools=tools, orientation=TABLE.orientation)
+    part, _ = find_language("fanuc_gcode").read_job(files, frames=given)
+    assert part.reason.tolist() == [reason]
+    if reason == Reason.NONE:
+        np.testing.assert_array_equal(part.T_base_frame[part.frame[0]], tables[frame])
+        np.testing.assert_array_equal(
+            part.T_flange_tool[part.tool[0]], tools["T2" if "T2" in lines else "T1"]
+        )
+        inch = 25.4 if "G20" in lines else 1.0
+        np.testing.assert_allclose(part.position[0], np.array([1.0, 2.0, 3.0]) * inch * MM)
+    if lines.count("P7") == 2 and not frame:
+        assert "part.nc:1: called in different modal states by main.nc:" in "\n".join(part.notes)
+
+
+def test_states_go_on_to_programs_that_a_called_one_calls() -> None:
+    files = [
+        ("inner.nc", f"O6\n{PLAIN}M99\n".encode()),
+        ("part.nc", f"O7\nM98 P6\n{PLAIN}M99\n".encode()),
+        ("main.nc", f"O8\nT1 M6\nG21 G90 G55\n{PLAIN}M98 P7\nM30\n".encode()),
+    ]
+    bases = {"G55": np.diag([-1.0, -1.0, 1.0, 1.0])}
+    given = FrameTable(bases=bases, tools=TABLE.tools, orientation=TABLE.orientation)
+    inner = find_language("fanuc_gcode").read_job(files, frames=given)[0]
+    np.testing.assert_array_equal(inner.T_base_frame[inner.frame[0]], bases["G55"])
+
+
+@pytest.mark.parametrize(
+    ("language", "jump", "known"),
+    [
+        ("fanuc_gcode", "IF [#1 EQ 1] GOTO 10", False),
+        ("fanuc_gcode", "IF [#1 EQ 1] GOTO 20", True),
+        ("fanuc_gcode", "IF [#1 EQ 1] GOTO #2", False),
+        ("sinumerik", "IF R1==1 GOTOF N10", False),
+        ("sinumerik", "IF R1==1 GOTOF N20", True),
+    ],
+)
+def test_a_block_number_that_is_jumped_to(language: str, jump: str, known: bool) -> None:
+    text = f"{HEAD[language]}{POINT}{jump}\n{HEAD[language]}{POINT}N10 {POINT}N20\nM30\n"
+    (program,) = find_language(language).read_job([("a.nc", text.encode())], frames=TABLE)
+    assert program.reason.tolist()[0] == Reason.NONE
+    assert any("work frame is not certain" in note for note in program.notes) != known
+
+
+def test_a_tool_behind_a_call_is_not_certain() -> None:
+    text = f"{HEAD['fanuc_gcode']}{POINT}M98 P9\nG21 G90 G54 G43.4 H1 G17 G40\n{POINT}M30\n"
+    (program,) = find_language("fanuc_gcode").read_job([("a.nc", text.encode())], frames=TABLE)
+    assert program.reason.tolist()[0] == Reason.NONE != program.reason[1]
+    assert "tool is not certain behind a call" in "\n".join(program.notes)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Final
@@ -23,11 +24,12 @@ from robotrue.program.program import Reason
 
 ALL: Final = tuple(range(WordColumn.R))
 POINT: Final = (0, 1, 2)
+_NUMBERED: Final = re.compile(rb"(?im)^[ \t/:]*N(\d{1,9})(?!\d)")
+_EVERY: Final = (*ALL, *range(WordColumn.J1, WordColumn.J6 + 1))
 _LARGEST: Final = 1e8
 """Of any number in a block; 100 km."""
 Take = Callable[[int, int, bytes], None]
 """Takes an odd block: its number, its first byte, its text without the comment."""
-
 
 CALLED: Final = "called"
 """The shift of a program that is called while coordinates are shifted: it cannot end it."""
@@ -42,6 +44,8 @@ class Findings:
         shifts: Coordinate shifts in force.
         moved: Those that may be in force, also behind calls and jumps.
         breaks: Blocks behind which the modal state is uncertain, with whether any is ``moved``.
+        jumps: Those of them that branch, repeat, or have a label.
+        targets: Block numbers that are jumped to; -1 for one that is computed.
         words: (block, column, first byte, bytes, value); NaN and -1 for one that is computed.
         state: Settings by (block, group).
         lost: Columns that are unknown when a block ends, by block.
@@ -61,6 +65,8 @@ class Findings:
     shifts: dict[str, bool] = field(default_factory=dict)
     moved: set[str] = field(default_factory=set)
     breaks: list[tuple[int, bool]] = field(default_factory=list)
+    jumps: list[int] = field(default_factory=list)
+    targets: set[int] = field(default_factory=set)
     words: list[tuple[int, int, int, int, float]] = field(default_factory=list)
     state: dict[tuple[int, int], int] = field(default_factory=dict)
     lost: dict[int, tuple[int, ...]] = field(default_factory=dict)
@@ -90,7 +96,14 @@ class Findings:
         self.shifts = {CALLED: True} if CALLED in self.shifts else {}
         for group in self.groups:
             self.state.setdefault((block, int(group)), UNCERTAIN)
-        self.lost[block] = (*ALL, *range(WordColumn.J1, WordColumn.J6 + 1))
+        self.lost[block] = _EVERY
+
+    def enter(self, block: int) -> None:
+        """Discards it before a block that jumps lead to."""
+        for group in self.groups:
+            self.state.setdefault((block, int(group)), UNCERTAIN)
+        if block:
+            self.lost[block - 1] = _EVERY
 
     def shift(self, block: int, kind: str, on: bool) -> None:
         """Records that coordinates are moved, turned or scaled in one way, or no longer."""
@@ -189,11 +202,25 @@ def scan_blocks(
     take = reader(vocabulary, found)
     for row in np.flatnonzero(status == ODD).tolist():
         take(row, int(first[row]), data[int(first[row]) : int(end[row])])
+    settings = state.astype(np.int64)
+    _enter_targets(data, first, settings, found)
     for (row, group), setting in found.state.items():
-        state[row, group] = setting
+        settings[row, group] = setting
     block, column, start, length, value = with_findings(columns, found)  # type: ignore[arg-type]
     value = np.where(np.abs(value) < _LARGEST, value, np.nan)
     return Blocks(
-        data=data, first=first, end=end, state=state.astype(np.int64), block=block, column=column,
+        data=data, first=first, end=end, state=settings, block=block, column=column,
         start=start, length=length, value=value, findings=found,
     )  # fmt: skip
+
+
+def _enter_targets(data: bytes, first: IntArray, state: IntArray, found: Findings) -> None:
+    """Discards what is in force before blocks whose numbers are jumped to."""
+    if not found.targets:
+        return
+    for match in _NUMBERED.finditer(data):
+        if -1 in found.targets or int(match[1]) in found.targets:
+            row = int(np.searchsorted(first, match.start(1), side="right")) - 1
+            for group in np.flatnonzero(state[row] != NO_STATE).tolist():
+                found.state.setdefault((row, group), int(state[row, group]))
+            found.enter(row)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import partial
 from typing import Final
 
@@ -32,7 +33,8 @@ from robotrue.program.formats.splice_chunks import (
     SpliceSurvey,
 )
 from robotrue.program.formats.text_lines import line_edges
-from robotrue.program.program import FrameTable
+from robotrue.program.program import FrameTable, Program
+from robotrue.program.program_chunk import Whole
 
 _POINT: Final = (WordColumn.X, WordColumn.Y, WordColumn.Z)
 _ANGLES: Final = (WordColumn.A, WordColumn.B, WordColumn.C)
@@ -52,6 +54,7 @@ class BlockSurvey(SpliceSurvey):
         super().__init__(name, targets, frames)
         self._vocabulary = vocabulary
         self._tip = 0
+        self._jumps = False
 
     def _print_mode(self, mode: int) -> bytes:
         return b"" if self._vocabulary.signs[3] else b"G%d\n" % mode
@@ -60,6 +63,7 @@ class BlockSurvey(SpliceSurvey):
         edges = line_edges(data)
         count, odd = len(edges) - 1, np.zeros(len(edges), np.bool_)
         blocks = scan_blocks(data, self.name, self._vocabulary, partial(self._read_odd, odd))
+        self._jumps |= bool(blocks.findings.targets)
         place = np.full((WordColumn.TU + 1, count), -1)
         place[blocks.column, blocks.block] = np.arange(len(blocks.block))
         there = place >= 0
@@ -83,6 +87,12 @@ class BlockSurvey(SpliceSurvey):
             start=edges[:-1], end=edges[1:], targets=targets, event=event, turn=turn, full=full,
             mode=motion, axis=axis,
         )  # fmt: skip
+
+    def judge(self, skeleton: Program, others: Sequence[tuple[str, bytes]]) -> Whole | None:
+        """Returns why the file cannot be cut, if so; counts the targets that are not plain."""
+        if self._jumps:
+            return Whole(why="it jumps to block numbers")
+        return super().judge(skeleton, others)
 
     def _read_odd(self, odd: BoolArray, vocabulary: Vocabulary, found: Findings) -> Take:
         """Returns the slow reader, which also marks what it reads."""

@@ -1,12 +1,18 @@
-"""What programs of blocks in one job do to each other: numbered zero offsets, shifts in force."""
+"""What programs of blocks in one job do to each other: zero offsets, and states at a call."""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from typing import Final
+from typing import Final, NamedTuple
 
+import numpy as np
+
+from robotrue.core.arrays import IntArray
 from robotrue.program.formats.gcode_blocks import Blocks
+from robotrue.program.formats.gcode_kernels import NO_STATE
+from robotrue.program.formats.gcode_state import in_force, stated_column
+from robotrue.program.formats.gcode_vocabulary import NAMED, UNCERTAIN, Modal
 from robotrue.program.formats.numbered_frames import list_changed_frames
 
 Files = Sequence[tuple[str, bytes]]
@@ -40,28 +46,127 @@ def _list_offsets(line: bytes) -> list[tuple[str, str]]:
     return [("base", name) for name in out]
 
 
-def list_shifted_calls(files: Files, found: Sequence[Blocks]) -> dict[int, str]:
+class Call(NamedTuple):
+    """A block that may call a program: both by their place in the job; whether it is shifted."""
+
+    caller: int
+    block: int
+    moved: bool
+    called: int
+
+
+def list_calls(files: Files, found: Sequence[Blocks]) -> list[Call]:
+    """Returns which programs of a job may call which others."""
+    patterns = [_pattern(*each) for each in files]
+    return [
+        Call(k, block, moved, each)
+        for k, blocks in enumerate(found)
+        for block, moved in blocks.findings.breaks
+        for each, pattern in enumerate(patterns)
+        if each != k
+        and pattern.search(blocks.data, int(blocks.first[block]), int(blocks.end[block]))
+    ]
+
+
+def list_shifted_calls(
+    files: Files, found: Sequence[Blocks], calls: Sequence[Call]
+) -> dict[int, str]:
     """Returns the programs that others call while coordinates are shifted, with a sentence each.
 
     A program that is called by such a one is called so, too.
     """
-    called = [_pattern(*each) for each in files]
     out: dict[int, str] = {}
-    waiting = list(range(len(files)))
-    while waiting:
-        k = waiting.pop()
-        for block, moved in found[k].findings.breaks:
-            if not (moved or k in out):
-                continue
-            text = found[k].data[int(found[k].first[block]) : int(found[k].end[block])]
-            for each, pattern in enumerate(called):
-                if each != k and each not in out and pattern.search(text):
-                    out[each] = (
-                        f"{files[k][0]} may call it in line {found[k].line(block)} while the "
-                        "coordinates are moved, turned or scaled"
-                    )
-                    waiting.append(each)
+    count = -1
+    while count != len(out):
+        count = len(out)
+        for call in calls:
+            if (call.moved or call.caller in out) and call.called not in out:
+                out[call.called] = (
+                    f"{files[call.caller][0]} may call it in line "
+                    f"{found[call.caller].line(call.block)} while the coordinates are moved, "
+                    "turned or scaled"
+                )
     return out
+
+
+def carry_states(files: Files, found: Sequence[Blocks], calls: Sequence[Call]) -> None:
+    """Enters in the first block of called programs what is in force where they are called.
+
+    A state that differs between calls is uncertain there, and a sentence is added.
+    """
+    first = [blocks.state[0].copy() for blocks in found]
+    entered: dict[tuple[int, Modal], dict[int, Call]] = {}
+    for _ in files:  # a called program may call others
+        before, entered = entered, {}
+        force = [in_force(blocks) for blocks in found]
+        for call in calls:
+            for group in set(found[call.called].findings.groups) - {Modal.SHIFTED}:
+                if first[call.called][group] == NO_STATE:
+                    value = _state_at(found, force, calls, call, group)
+                    values = entered.setdefault((call.called, group), {})
+                    values.setdefault(
+                        _rename(value, group, found[call.caller], found[call.called]), call
+                    )
+        for (k, group), values in entered.items():
+            found[k].state[0, group] = next(iter(values)) if len(values) == 1 else UNCERTAIN
+            changes = found[k].findings.changes
+            if group == Modal.TOOL and changes and changes[0]:
+                changes.insert(0, 0)  # the tool of the caller is in the spindle
+        if entered == before:
+            break
+    apart = {k: tuple(values.values()) for (k, _), values in entered.items() if len(values) > 1}
+    for k, (one, other, *_) in apart.items():
+        lines = (f"{files[c.caller][0]}:{found[c.caller].line(c.block)}" for c in (one, other))
+        sentence = f"called in different modal states by {' and '.join(lines)}; state them here"
+        found[k].findings.told.append((0, sentence))
+
+
+def _state_at(
+    found: Sequence[Blocks],
+    force: Sequence[IntArray],
+    calls: Sequence[Call],
+    call: Call,
+    group: Modal,
+) -> int:
+    """Returns a state of the caller at a call.
+
+    Calls and jumps before it leave it uncertain. It is then the last one above, of the programs
+    called since too if they state it; what is not in the job changes none. Where the caller
+    jumps, all above must state one value.
+    """
+    blocks, k = found[call.caller], call.caller
+    for block in (call.block, max(call.block - 1, 0)):  # the call makes its own uncertain
+        if force[k][block, group] != UNCERTAIN:
+            return int(force[k][block, group])
+    jumps = bool(blocks.findings.jumps)
+    stated = _list_certain(blocks, group, slice(0, call.block), jumps)
+    since = stated[0][0] if stated else call.block * jumps
+    values = {value for _, value in stated}
+    if not stated or (jumps and blocks.findings.breaks[0][0] < since):
+        values.add(0)
+    for each in calls:
+        if each.caller == k and since <= each.block < call.block:
+            theirs = found[each.called]
+            ends = _list_certain(theirs, group, slice(1, None), bool(theirs.findings.jumps))
+            values |= {_rename(value, group, theirs, blocks) for _, value in ends}
+    return values.pop() if len(values) == 1 else UNCERTAIN
+
+
+def _list_certain(blocks: Blocks, group: Modal, part: slice, every: bool) -> list[tuple[int, int]]:
+    """Returns blocks of a part that set a state, and its values there; the last one, or all."""
+    column = stated_column(blocks, group)[part]
+    found = np.flatnonzero((column != NO_STATE) & (column != UNCERTAIN))
+    found = found if every else found[-1:]
+    return list(zip(found.tolist(), column[found].tolist(), strict=True))
+
+
+def _rename(value: int, group: Modal, ours: Blocks, theirs: Blocks) -> int:
+    """Returns a state with the number that its name has in another program."""
+    if group == Modal.TOOL and value > 0:
+        return theirs.findings.name(ours.findings.names[value - 1]) + 1
+    if group == Modal.FRAME and value <= NAMED:
+        return NAMED - theirs.findings.name(ours.findings.names[NAMED - value])
+    return value
 
 
 def _pattern(name: str, data: bytes) -> re.Pattern[bytes]:

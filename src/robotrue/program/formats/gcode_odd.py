@@ -37,6 +37,8 @@ _NUMBERED: Final = re.compile(
 _COMPUTED: Final = re.compile(rb"([A-Z])[ \t]*+[+-]?[#\[][^ \t]*+")
 _KEYWORD: Final = re.compile(rb"([A-Z_$][A-Z_$][A-Z0-9_$]*+)[ \t]*+(\((?:[^()]|\([^()]*\))*+\)?)?+")
 _LABEL: Final = re.compile(rb"(?:N\d+[ \t]*)?([A-Z_][A-Z0-9_]+):(?!=)")
+_FLOW: Final = re.compile(rb"IF|ELSE|END|GOTO|WHILE|FOR|LOOP|REPEAT|UNTIL|CASE|DO")
+_GOTO: Final = re.compile(rb"GOTO[BCFS]?[ \t]*(?:N?(\d{1,9})|([A-Z_]))?")
 _PROGRAM: Final = re.compile(rb"(?::\d{1,8}|O?<[^<>]*>)[ \t]*")
 _BLOCK_NUMBER: Final = re.compile(rb"N\d+[ \t]*(?=[/#])")
 _FRAME: Final = re.compile(rb"\$P_UIFR\[(\d{1,2})\]$")
@@ -137,6 +139,8 @@ class OddReader:
         label = _LABEL.match(text, lead)
         if label:
             self.found.barrier(block)
+            self.found.enter(block)
+            self.found.jumps.append(block)
             self.found.told.append((first, "jumps may lead here: the modal state is uncertain"))
             lead = label.end()
         _Block(self, block, first, text, lead).read()
@@ -446,6 +450,11 @@ class _Block:
                 "after it is uncertain")  # fmt: skip
             self._quiet, self._at = True, len(self._text)
             self._out.barrier(self._block)
+            if _FLOW.match(word):
+                self._out.jumps.append(self._block)
+            for number, named in _GOTO.findall(self._text):
+                if not named:
+                    self._out.targets.add(int(number or -1))
         return True
 
     def _shift(self, word: bytes, arguments: bytes | None) -> None:

@@ -8,7 +8,12 @@ from dataclasses import replace
 from robotrue.errors import FormatError
 from robotrue.program.formats.gcode_blocks import CALLED, Blocks, Findings, Take, scan_blocks
 from robotrue.program.formats.gcode_build import build
-from robotrue.program.formats.gcode_jobs import list_changed_offsets, list_shifted_calls
+from robotrue.program.formats.gcode_jobs import (
+    carry_states,
+    list_calls,
+    list_changed_offsets,
+    list_shifted_calls,
+)
 from robotrue.program.formats.gcode_odd import OddReader
 from robotrue.program.formats.gcode_vocabulary import HEIDENHAIN, Vocabulary
 from robotrue.program.formats.heidenhain_odd import ConversationalReader
@@ -27,8 +32,10 @@ def read_gcode(
     """
     found = [_scan(data, name, vocabulary, "") for name, data in files]
     if len(files) > 1:
-        for k, why in list_shifted_calls(files, found).items():
+        calls = list_calls(files, found)
+        for k, why in list_shifted_calls(files, found, calls).items():
             found[k] = _scan(files[k][1], files[k][0], vocabulary, why)
+        carry_states(files, found, calls)
     tables = [replace(frames, changed_frames=each) for each in list_changed_offsets(files)]
     return tuple(
         build(blocks, name, vocabulary, table)

@@ -10,7 +10,7 @@ import numpy as np
 from robotrue.core.arrays import Array, BoolArray, IntArray
 from robotrue.program.formats.gcode_blocks import ALL, POINT, Blocks
 from robotrue.program.formats.gcode_kernels import NO_STATE
-from robotrue.program.formats.gcode_vocabulary import Modal
+from robotrue.program.formats.gcode_vocabulary import UNCERTAIN, Modal
 from robotrue.program.formats.number_table import Numbers
 
 _ANEW: Final = (
@@ -28,12 +28,17 @@ def in_force(blocks: Blocks) -> IntArray:
     out = np.empty_like(blocks.state)
     rows = np.arange(len(out))
     for group in Modal:
-        said = blocks.state[:, group]
-        if group == Modal.TOOL and blocks.findings.changes:
-            said = _changed_tools(said, blocks.findings.changes)
+        said = stated_column(blocks, group)
         last = np.maximum.accumulate(np.where(said != NO_STATE, rows, -1))
         out[:, group] = np.where(last >= 0, said[last], 0)
     return out
+
+
+def stated_column(blocks: Blocks, group: Modal) -> IntArray:
+    """Returns the settings (l,) of a state; of the tool those where it is loaded."""
+    said = blocks.state[:, group]
+    changes = blocks.findings.changes if group == Modal.TOOL else []
+    return _changed_tools(said, changes) if changes else said
 
 
 def _changed_tools(said: IntArray, changes: list[int]) -> IntArray:
@@ -42,6 +47,7 @@ def _changed_tools(said: IntArray, changes: list[int]) -> IntArray:
     last = np.maximum.accumulate(np.where(said != NO_STATE, rows, -1))
     out = np.full(len(said), NO_STATE)
     at = np.array(changes)
+    out[said == UNCERTAIN] = UNCERTAIN
     out[at] = np.where(last[at] >= 0, said[last[at]], 0)
     return out
 

@@ -47,6 +47,7 @@ _HARMLESS_CYCLES: Final = frozenset((9, 13, 32, 332, 239, 14, 20, 12))
 _NUMBERED_PRESET: Final = re.compile(rb"Q339[ \t]*=[ \t]*[+]?(\d{1,6})\b")
 _PARAMETER: Final = re.compile(rb"Q[LRS]?\d+[ \t]*=")
 _JUMPS: Final = re.compile(rb"LBL\b|CALL\b|SEL\b|IF\b|FN[ \t]*(?:9|10|11|12)[ \t]*:|GOTO\b|%")
+_PROGRAM_CALL: Final = re.compile(rb"CALL[ \t]+PGM\b|SEL\b|%")
 _FUNCTION: Final = re.compile(rb"FUNCTION[ \t]+(RESET[ \t]+)?TCPM\b")
 _NOT_ZERO: Final = re.compile(rb"[1-9Q]")
 
@@ -119,6 +120,8 @@ class ConversationalReader:
             calls = "jumps" if _JUMPS.match(rest) else "is not known here"
             self.found.told.append((first, f"{what!r} {calls}: the modal state is uncertain"))
             self.found.barrier(block)
+            if _JUMPS.match(rest) and not _PROGRAM_CALL.match(rest):
+                self.found.jumps.append(block)
 
     def _own(self, block: int, first: int, rest: bytes) -> None:
         what = rest.split()[0].decode("latin-1")
