@@ -141,7 +141,10 @@ def test_a_model_of_another_arm_is_refused() -> None:
     other = preset("UR5")
     five = replace(
         other,
-        **{name: getattr(other, name)[:5] for name in ("theta", "d", "a", "alpha", "limits")},
+        **{
+            name: getattr(other, name)[:5]
+            for name in ("theta", "d", "a", "alpha", "beta", "limits")
+        },
         joint_map=np.eye(5),
         link_mass=np.zeros(5),
         link_com=np.zeros((5, 3)),

@@ -39,7 +39,7 @@ def test_a_chinese_page_frames_what_is_said_in_english() -> None:
     error = FormatError("<b>1 row</b>", source="/home/x/part.src", line=7, hint="export it.")
     english, chinese = (refusal(Wording(each), error) for each in ("en", "zh"))
     assert "<b>Format error</b> part.src:7: &lt;b&gt;1 row&lt;/b&gt;" in english
-    assert "<b>格式错误</b> 此处无法读取该文件" in chinese
+    assert "<b>格式错误</b> 文件格式与预期不符" in chinese
     assert '<span lang="en">part.src:7: &lt;b&gt;1 row&lt;/b&gt;</span>' in chinese
     assert '<span lang="en">export it.</span>' in chinese
     assert "/home" not in english + chinese
