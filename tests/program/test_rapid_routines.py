@@ -92,3 +92,16 @@ def test_functions_of_the_module_change_variables() -> None:
     program = read(text)
     assert program.reason[-1] == Reason.NONE
     assert program.position[-1, 2] * 1e3 == pytest.approx(44)
+
+
+@pytest.mark.parametrize(("body", "moved"), [("PDispSet [[0,0,10],[1,0,0,0]];", True), ("", False)])
+def test_functions_of_another_module_may_change_what_is_in_force(body: str, moved: bool) -> None:
+    main = (
+        f"{FRAMES}VAR num k;\nCONST robtarget p:={target()};\nPROC main()\nPDispOff;\n"
+        f"{move('p')}k:=count();\n{move('p')}ENDPROC\nENDMODULE"
+    )
+    other = f"MODULE b\nFUNC num count()\n{body}\nRETURN 1;\nENDFUNC\nENDMODULE"
+    files = [("a.mod", main.encode()), ("b.mod", other.encode())]
+    program = find_language("rapid").read_job(files, frames=FrameTable())[0]
+    assert program.reason.tolist() == [Reason.UNKNOWN_FRAME if moved else Reason.NONE]
+    assert any("count" in note for note in program.notes) == moved

@@ -91,11 +91,13 @@ class SharedData(NamedTuple):
         frames: Tools and work objects: side, name, value, line, no other module can change it.
         targets: Names of the targets that others may use.
         routines: Names of its routines, if they change no frame.
+        functions: Names of its functions, if some routine does.
     """
 
     frames: tuple[tuple[str, str, bytes, int, bool], ...]
     targets: tuple[str, ...]
     routines: tuple[str, ...]
+    functions: frozenset[bytes]
 
 
 def read_shared_data(data: bytes, name: str) -> SharedData:
@@ -119,7 +121,8 @@ def read_shared_data(data: bytes, name: str) -> SharedData:
         statement, at = scan.next_statement(data, at, name)
     quiet = not _CHANGES.search(data)
     routines = map(_lower, _ROUTINE.findall(data)) if quiet else ()
-    return SharedData(tuple(frames), tuple(targets), tuple(routines))
+    functions = frozenset[bytes]() if quiet else scan.list_functions(data)
+    return SharedData(tuple(frames), tuple(targets), tuple(routines), functions)
 
 
 def _match_declaration(data: bytes, statement: scan.RapidStatement) -> re.Match[bytes] | None:

@@ -79,6 +79,7 @@ class RapidFrames:
         elsewhere: Modules other than the one that is read, by the targets they declare.
         own: (side, name) of those no other module can change: LOCAL, CONST, or of a routine.
         routines: Names of routines of other modules that change no frame.
+        functions: Names of functions of other modules that may change one.
         renewed: (place, (side, name)) where one is given a whole value.
     """
 
@@ -87,6 +88,7 @@ class RapidFrames:
         self.elsewhere: dict[str, str] = {}
         self.own: set[tuple[str, str]] = set()
         self.routines: set[str] = set()
+        self.functions: frozenset[bytes] = frozenset()
         self.renewed: list[tuple[int, tuple[str, str]]] = []
         self._table, self._course = table, course
         self._known: dict[tuple[str, str], _Variable] = {}

@@ -19,7 +19,9 @@ from robotrue.program.formats.text_lines import require_text
 from robotrue.program.program import FrameTable, Program
 
 _MOVES: Final = re.compile(rb"\bMove(?:L|J|C|AbsJ)\b", re.IGNORECASE)
-_TELLS: Final = re.compile(rb"\b(?:tooldata|wobjdata|robtarget|jointtarget|PROC)\b", re.IGNORECASE)
+_TELLS: Final = re.compile(
+    rb"\b(?:tooldata|wobjdata|robtarget|jointtarget|PROC|FUNC)\b", re.IGNORECASE
+)
 """What others have to know of a module."""
 _WIDE_WORD: Final = re.compile(rb"\w*+[\x80-\xff][\w\x80-\xff]*+")
 
@@ -69,6 +71,7 @@ def _read_module(
     beside = [other for other in files if other.tells and other is not own]
     for other in beside:
         table.declare_beside(other.shared.frames, other.shared.routines)
+        table.functions |= other.shared.functions
     for other in reversed(beside):  # the first to declare a target is named
         table.elsewhere.update(dict.fromkeys(other.shared.targets, other.name))
     walk = RapidWalk(own.data, own.name, table, course, task)

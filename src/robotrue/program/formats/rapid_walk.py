@@ -128,7 +128,7 @@ class RapidWalk(Data):
 
     def _statement(self, statement: scan.RapidStatement) -> None:
         word = statement.word
-        if self._functions and word not in ("if", "func"):
+        if (self._functions or self.frames.functions) and word not in ("if", "func"):
             self._use_functions(statement.body, statement.end)
         move = move_of(word)
         if move is not None:
@@ -140,10 +140,12 @@ class RapidWalk(Data):
                 self._instruction(statement)
 
     def _use_functions(self, start: int, end: int) -> None:
-        """Passes through the functions of the module that an expression names."""
+        """Passes through the functions of the task that an expression names."""
         for name in scan.find_calls(self.data, start, end, self._functions):
             self.course.call(self.place, [name])
             self.values.call(self.scope, name)
+        for name in scan.find_calls(self.data, start, end, self.frames.functions):
+            self._calls.append((self.place, name, start))
 
     def _shift(self, statement: scan.RapidStatement, word: str) -> None:
         """Enters a displacement or offset; one of constants is known when all has been read."""
