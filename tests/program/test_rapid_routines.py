@@ -105,3 +105,11 @@ def test_functions_of_another_module_may_change_what_is_in_force(body: str, move
     program = find_language("rapid").read_job(files, frames=FrameTable())[0]
     assert program.reason.tolist() == [Reason.UNKNOWN_FRAME if moved else Reason.NONE]
     assert any("count" in note for note in program.notes) == moved
+
+
+def test_an_error_handler_outside_routines_belongs_to_none() -> None:
+    text = (
+        f"{FRAMES}VAR num h:=5;\nERROR\nTRYNEXT;\nERROR\nPROC main()\nh:=40;\n"
+        f"{move(f'Offs({target()},0,0,h)')}ENDPROC\nENDMODULE"
+    )
+    assert read(text).reason.tolist() == [Reason.NONE]

@@ -232,7 +232,7 @@ class RapidWalk(Data):
             self.scope = ""
         elif word in ("error", "undo", "backward"):
             self._end_handler(statement)
-            self._handler = statement.end if word == "error" else 0
+            self._handler = statement.end if word == "error" and self.scope else 0
             self.course.start(self.place, f"{self.scope} {word}", handler=True)
             self.values.begin_routine(self.place, f"{self.scope} {word}", handler=True)
         elif word == "module":
