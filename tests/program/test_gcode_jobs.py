@@ -184,3 +184,12 @@ def test_a_tool_behind_a_call_is_not_certain() -> None:
     (program,) = find_language("fanuc_gcode").read_job([("a.nc", text.encode())], frames=TABLE)
     assert program.reason.tolist()[0] == Reason.NONE != program.reason[1]
     assert "tool is not certain behind a call" in "\n".join(program.notes)
+
+
+def test_a_block_that_may_be_skipped_gets_no_words() -> None:
+    """Were Y and Z inserted in it, the block behind it would take them from it, or not."""
+    head = f"{HEAD['fanuc_gcode']}{POINT}"
+    text = f"{head}X10. Y1. Z2.\n/X11.\nX12. Y1. Z2. A0. B0. C0.\n"
+    (program,) = find_language("fanuc_gcode").read_job([("a.nc", text.encode())], frames=TABLE)
+    # the target before it stays, since its words go through the block
+    assert program.reason.tolist() == [Reason.NONE, *[Reason.INCOMPLETE] * 2, Reason.NONE]

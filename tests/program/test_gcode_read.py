@@ -89,10 +89,11 @@ def test_three_axes_keep_one_orientation() -> None:
 def test_fanuc_tool_point_by_angles_and_by_axis() -> None:
     program = read("fanuc_gcode", FANUC)
     line = dict(zip(program.line.tolist(), reasons(program), strict=True))
-    assert [line[k] for k in (7, 8, 9, 10, 15, 17, 19)] == [Reason.NONE] * 7
+    assert [line[k] for k in (7, 8, 9, 10, 17, 19)] == [Reason.NONE] * 6
     assert line[20] == Reason.INCOMPLETE  # what stands behind G68 keeps words of it
     assert line[14] == Reason.EXPRESSION  # X#100
     assert line[16] == Reason.INCOMPLETE  # a block with /
+    assert line[15] == Reason.INCOMPLETE  # its words go on through that block
     assert line[22] == Reason.UNKNOWN_FRAME  # G68
     assert line[26] == Reason.INCOMPLETE  # behind a call
     axes = RULE.axes_of(program.rotation[np.isin(program.line, (19, 20))])

@@ -286,7 +286,8 @@ class _Builder:
         force, flags = self.rows.force, self.blocks.findings.flags
         out = (force[:, Modal.RELATIVE] != 0) | (force[:, Modal.SHIFTED] != 0)
         out |= (force[:, Modal.MOTION] < 0) | (force[:, Modal.MOTION] >= Drive.OTHER)
-        kinds = (Reason.UNKNOWN_FRAME, Reason.RELATIVE)
+        # a block that may be skipped would hand on its words, or not
+        kinds = (Reason.UNKNOWN_FRAME, Reason.RELATIVE, Reason.INCOMPLETE)
         moved = [block for block, why in flags.items() if why in kinds]
         return np.asarray(out | np.isin(self.rows.block, moved))
 
