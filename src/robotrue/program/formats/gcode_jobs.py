@@ -98,7 +98,7 @@ def carry_states(files: Files, found: Sequence[Blocks], calls: Sequence[Call]) -
     entered: dict[tuple[int, Modal], dict[int, Call]] = {}
     for _ in files:  # a called program may call others
         before, entered = entered, {}
-        force = [in_force(blocks) for blocks in found]
+        force = {k: in_force(found[k]) for k in {call.caller for call in calls}}
         for call in calls:
             for group in set(found[call.called].findings.groups) - {Modal.SHIFTED}:
                 if first[call.called][group] == NO_STATE:
@@ -123,7 +123,7 @@ def carry_states(files: Files, found: Sequence[Blocks], calls: Sequence[Call]) -
 
 def _state_at(
     found: Sequence[Blocks],
-    force: Sequence[IntArray],
+    force: Mapping[int, IntArray],
     calls: Sequence[Call],
     call: Call,
     group: Modal,
