@@ -9,7 +9,7 @@ Names of the paper this package reproduces (Deng et al. 2022, eq. 27-32) are rea
 from __future__ import annotations
 
 from copy import copy
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any, Literal, Self
 
 import numpy as np
@@ -34,6 +34,7 @@ from robotrue.core.arrays import Array
 from robotrue.errors import ConfigurationError, ShapeError
 
 
+@dataclass(eq=False, repr=False)
 class GaussianProcess(ProcessRegressor):
     """Squared exponential process with white noise and a constant or zero mean.
 
@@ -73,35 +74,19 @@ class GaussianProcess(ProcessRegressor):
         output_correlation_: (k, k) of the outputs about the process, from whitened residuals.
     """
 
-    def __init__(
-        self,
-        kernel: Literal["ard", "isotropic"] = "ard",
-        mean: Literal["constant", "estimated", "zero"] = "constant",
-        shared: bool = True,
-        length: npt.ArrayLike | None = None,
-        amplitude: float | None = None,
-        noise: float | None = None,
-        denominator: Literal["squared", "literal"] = "squared",
-        weights: Literal["precision", "repeats"] = "precision",
-        prior: Literal["weak", "none"] = "weak",
-        intervals: Literal["marginal", "plug-in"] = "marginal",
-        optimise: bool = True,
-        restarts: int = 0,
-        random_state: int | np.random.RandomState | None = 0,
-    ) -> None:
-        self.kernel = kernel
-        self.mean = mean
-        self.shared = shared
-        self.length = length
-        self.amplitude = amplitude
-        self.noise = noise
-        self.denominator = denominator
-        self.weights = weights
-        self.prior = prior
-        self.intervals = intervals
-        self.optimise = optimise
-        self.restarts = restarts
-        self.random_state = random_state
+    kernel: Literal["ard", "isotropic"] = "ard"
+    mean: Literal["constant", "estimated", "zero"] = "constant"
+    shared: bool = True
+    length: npt.ArrayLike | None = None
+    amplitude: float | None = None
+    noise: float | None = None
+    denominator: Literal["squared", "literal"] = "squared"
+    weights: Literal["precision", "repeats"] = "precision"
+    prior: Literal["weak", "none"] = "weak"
+    intervals: Literal["marginal", "plug-in"] = "marginal"
+    optimise: bool = True
+    restarts: int = 0
+    random_state: int | np.random.RandomState | None = 0
 
     def fit(
         self,

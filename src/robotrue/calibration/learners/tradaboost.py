@@ -24,7 +24,7 @@ Sources: Deng et al. 2022, section 2.2; Pardoe and Stone, Boosting for regressio
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any, Literal, Self
 
 import numpy as np
@@ -40,6 +40,7 @@ from robotrue.errors import ShapeError
 _LEAST_ERROR, _LEAST_WEIGHT = 1e-12, 1e-12
 
 
+@dataclass(eq=False, repr=False)
 class TrAdaBoostR2(Regressor):
     """Boosted regressor with one weight per row, for one or several outputs.
 
@@ -61,23 +62,13 @@ class TrAdaBoostR2(Regressor):
         weights_: (T, n + m) weights each was fitted with, source rows first, sum one.
     """
 
-    def __init__(
-        self,
-        estimator: Any = None,
-        rounds: int = 10,
-        source_weights: Literal["frozen", "literal", "pardoe", "decay"] = "frozen",
-        error_over: Literal["target", "all"] = "target",
-        combination: Literal["weighted-median", "literal"] = "weighted-median",
-        output_weights: npt.ArrayLike | None = None,
-        hyper_parameters: Literal["first-round", "each-round"] = "first-round",
-    ) -> None:
-        self.estimator = estimator
-        self.rounds = rounds
-        self.source_weights = source_weights
-        self.error_over = error_over
-        self.combination = combination
-        self.output_weights = output_weights
-        self.hyper_parameters = hyper_parameters
+    estimator: Any = None
+    rounds: int = 10
+    source_weights: Literal["frozen", "literal", "pardoe", "decay"] = "frozen"
+    error_over: Literal["target", "all"] = "target"
+    combination: Literal["weighted-median", "literal"] = "weighted-median"
+    output_weights: npt.ArrayLike | None = None
+    hyper_parameters: Literal["first-round", "each-round"] = "first-round"
 
     def fit(
         self,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Literal, Self
 
 import numpy as np
@@ -24,6 +25,7 @@ _JUDGED = 3
 """Target rows below which the source cannot be rejected."""
 
 
+@dataclass(eq=False, repr=False)
 class TransferGaussianProcess(ProcessRegressor):
     """Process of the target = rho times the process of the source + a separate difference.
 
@@ -65,35 +67,19 @@ class TransferGaussianProcess(ProcessRegressor):
         log_marginal_likelihood_: Of all rows used.
     """
 
-    def __init__(
-        self,
-        kernel: Literal["ard", "isotropic"] = "ard",
-        mean: Literal["per-domain", "constant", "zero"] = "per-domain",
-        length: npt.ArrayLike | None = None,
-        amplitude: float | None = None,
-        difference: float | None = None,
-        rho: float | None = None,
-        noise: float | None = None,
-        source_noise: float | None = None,
-        fall_back: bool = True,
-        prior: Literal["weak", "none"] = "weak",
-        intervals: Literal["marginal", "plug-in"] = "marginal",
-        restarts: int = 0,
-        random_state: int | np.random.RandomState | None = 0,
-    ) -> None:
-        self.kernel = kernel
-        self.mean = mean
-        self.length = length
-        self.amplitude = amplitude
-        self.difference = difference
-        self.rho = rho
-        self.noise = noise
-        self.source_noise = source_noise
-        self.fall_back = fall_back
-        self.prior = prior
-        self.intervals = intervals
-        self.restarts = restarts
-        self.random_state = random_state
+    kernel: Literal["ard", "isotropic"] = "ard"
+    mean: Literal["per-domain", "constant", "zero"] = "per-domain"
+    length: npt.ArrayLike | None = None
+    amplitude: float | None = None
+    difference: float | None = None
+    rho: float | None = None
+    noise: float | None = None
+    source_noise: float | None = None
+    fall_back: bool = True
+    prior: Literal["weak", "none"] = "weak"
+    intervals: Literal["marginal", "plug-in"] = "marginal"
+    restarts: int = 0
+    random_state: int | np.random.RandomState | None = 0
 
     def fit(
         self,
