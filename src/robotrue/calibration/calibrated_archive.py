@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -107,19 +107,10 @@ def read_learned(archive: Archive) -> CalibratedModel:
     count = len(physics.errors) + len(values)
     if not ((columns >= 0.0) & (columns < count) & (columns == np.round(columns))).all():
         raise ArchiveError(f"columns of the learned error are whole numbers below {count}.")
-    return CalibratedModel(
-        robot=physics.robot,
-        errors=physics.errors,
-        covariance=physics.covariance,
-        repeatability=physics.repeatability,
-        white=physics.white,
-        T_tracker_base=physics.T_tracker_base,
+    return replace(
+        physics,
         reflectors={
-            k: Reflector(
-                T_flange_tool=reflector.T_flange_tool,
-                covariance=reflector.covariance,
-                root=archive.array(f"reflector{k}_root"),
-            )
+            k: replace(reflector, root=archive.array(f"reflector{k}_root"))
             for k, reflector in physics.reflectors.items()
         },
         summary=decode(dict[str, object], document["summary"], key="summary"),

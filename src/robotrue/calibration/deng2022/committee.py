@@ -12,7 +12,7 @@ their stated variance, equal to one.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Annotated, Final
 
@@ -25,13 +25,13 @@ from robotrue.calibration.deng2022.readings import DengReadings, Kernel, Mean
 from robotrue.calibration.learners.gaussian_process import GaussianProcess
 from robotrue.calibration.learners.posterior import correlation
 from robotrue.calibration.learners.tradaboost import TrAdaBoostR2, combine_rounds, round_shares
+from robotrue.core.archive import Archive
+from robotrue.core.archive_tables import unpack_table
 from robotrue.core.arrays import Array
 from robotrue.core.columns import Column, Columns
-from robotrue.core.document_decoder import decode
 from robotrue.core.units import MM
 
 _LEAST_WEIGHT: Final = 1e-12  # as the boosting gives its learners
-_ARRAYS: Final = ("inputs", "errors", "weights", "betas", "length")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -105,15 +105,6 @@ class Committee(Columns):
             return np.asarray(inverse)
         total = inverse.sum(axis=0)
         return np.asarray(inverse - np.outer(total, total) / total.sum())
-
-    def document(self) -> dict[str, object]:
-        """Returns the JSON part of an archive."""
-        names = ("amplitude", "noise", "kernel", "mean", "combination")
-        return {name: getattr(self, name) for name in names}
-
-    def arrays(self, prefix: str) -> dict[str, Array]:
-        """Returns the arrays of an archive under prefixed names."""
-        return {prefix + name: getattr(self, name) for name in _ARRAYS}
 
 
 def single(inputs: Array, errors: Array, readings: DengReadings) -> Committee:
@@ -213,36 +204,18 @@ def learner(readings: DengReadings) -> GaussianProcess:
     )
 
 
-@dataclass(frozen=True, slots=True)
-class _CommitteeDocument:
-    """Fields of a :class:`Committee` that are not arrays."""
+def restore_committee(archive: Archive, stated: object, prefix: str) -> Committee:
+    """Returns the committee that ``pack_table`` took apart without its learners.
 
-    amplitude: float
-    noise: float
-    kernel: Kernel
-    mean: Mean
-    combination: str
-
-
-def restore_committee(
-    document: Mapping[str, object], arrays: Mapping[str, Array], prefix: str
-) -> Committee:
-    """Returns the committee stored by :meth:`Committee.document` and :meth:`Committee.arrays`.
+    Args:
+        archive: Holds its arrays.
+        stated: JSON values of its other fields.
+        prefix: Of the names of its arrays.
 
     Raises:
-        KeyError: A part is missing.
+        ArchiveError: A part is missing, or cannot be.
     """
-    parts = {name: np.asarray(arrays[prefix + name]) for name in _ARRAYS}
-    stated = decode(_CommitteeDocument, document)
-    committee = Committee(
-        **parts,
-        amplitude=stated.amplitude,
-        noise=stated.noise,
-        kernel=stated.kernel,
-        mean=stated.mean,
-        combination=stated.combination,
-        learners=(),
-    )
+    committee = unpack_table(Committee, archive, stated, prefix=prefix, learners=())
     isotropic = committee.kernel == "isotropic"
     process = GaussianProcess(
         kernel=committee.kernel,
@@ -252,9 +225,9 @@ def restore_committee(
         noise=committee.noise,
         intervals="plug-in",
         optimise=False,
-    ).fit(parts["inputs"], parts["errors"], sample_weight=parts["weights"][0])
+    ).fit(committee.inputs, committee.errors, sample_weight=committee.weights[0])
     return replace(
-        committee, learners=(process, *(process.reweight(w) for w in parts["weights"][1:]))
+        committee, learners=(process, *(process.reweight(w) for w in committee.weights[1:]))
     )
 
 

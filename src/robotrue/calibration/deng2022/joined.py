@@ -19,6 +19,7 @@ from robotrue.calibration.settings import FitSettings
 from robotrue.calibration.terms.term import MeanTables
 from robotrue.calibration.training_summary import TrainingSummary
 from robotrue.core.archive import Archive, archive_reader
+from robotrue.core.archive_tables import pack_table
 from robotrue.core.arrays import Array, IntArray, frozen
 from robotrue.core.document_decoder import decode
 from robotrue.core.regions import CylinderRegion, contains, coordinates_of
@@ -188,10 +189,9 @@ class PoseModel(UnconditionalModel):
         arrays = {**robot_arrays(self.robot), "reference": self.reference}
         experts = []
         for k, expert in enumerate(self.experts):
-            arrays |= expert.committee.arrays(f"expert{k}/")
-            arrays[f"expert{k}/limits"] = expert.region.limits
-            widths = {"white": expert.white, "inflation": expert.inflation}
-            experts.append({**widths, **expert.committee.document()})
+            stated, rounds = pack_table(expert.committee, prefix=f"expert{k}/", leave=("learners",))
+            arrays |= {**rounds, f"expert{k}/limits": expert.region.limits}
+            experts.append({"white": expert.white, "inflation": expert.inflation, **stated})
         return Archive(
             kind=KIND,
             schema=SCHEMA,
@@ -241,7 +241,7 @@ def from_archive(archive: Archive) -> PoseModel:
         experts.append(
             Expert(
                 region=CylinderRegion(angle=angle, radius=radius, height=height),
-                committee=restore_committee(stated, archive.arrays, f"expert{k}/"),
+                committee=restore_committee(archive, stated, f"expert{k}/"),
                 white=_white(stated["white"]),
                 inflation=_inflation(stated.get("inflation", 1.0)),
             )
