@@ -22,7 +22,7 @@ from robotrue.robot.forward import forward
 from robotrue.robot.presets import preset
 from robotrue.validation.evaluation import evaluate
 from robotrue.validation.guard import verdict_from_summary
-from robotrue.validation.guarded_transfer import contestants, fit_guarded
+from robotrue.validation.guarded_transfer import contestants, select_transfer
 from robotrue_reproductions.deng2022 import scenarios
 
 TARGET_ROWS = 6
@@ -53,6 +53,12 @@ def error(model) -> float:
     _, settings, _, _, check = shop()
     seen = evaluate(model, check, payload=settings.payload)
     return float(np.linalg.norm(seen.after, axis=1).mean())
+
+
+def fit_guarded(robot, target, sources, settings, **options):
+    """The winner of the contest between all candidates."""
+    found = contestants(robot, target, sources, settings, **options)
+    return select_transfer(found, robot, target, settings)
 
 
 def guarded(source, target=None, *, settings=None, relation="campaign", drift=None):

@@ -69,37 +69,6 @@ class Contestants:
         return {**self.transfers, **self.alone}
 
 
-def fit_guarded(
-    robot: RobotModel,
-    target: MeasurementSet | None,
-    sources: Sequence[TransferSource],
-    settings: FitSettings | None = None,
-    *,
-    drift: DriftScales | None = None,
-    method: str = "gp",
-    progress: Progress | None = None,
-) -> ErrorModel:
-    """Returns the model that wins on the target poses, with the contest in its summary.
-
-    Args:
-        robot: Nominal arm of the target with the measured tool.
-        target: Target rows; None or no rows: an unchecked transfer.
-        sources: Measurements or models from elsewhere.
-        settings: Of every fit.
-        drift: Scales of the difference of source and target; the defaults of the relation if None.
-        method: Richest method of a source given as measurements, of pooled and of target rows.
-        progress: Called before every fit.
-
-    Raises:
-        ImplausibleDataError: Target rows that are impossible for this robot.
-        ModelMismatchError: Target rows of another number of joints.
-        ObservabilityError: Nothing could be fitted.
-    """
-    used = FitSettings() if settings is None else settings
-    found = contestants(robot, target, sources, used, drift=drift, method=method)
-    return select_transfer(found, robot, target, used, progress=progress)
-
-
 def select_transfer(
     found: Contestants,
     robot: RobotModel,
@@ -109,7 +78,7 @@ def select_transfer(
     progress: Progress | None = None,
     requested: str = "",
 ) -> ErrorModel:
-    """Returns the winner of the contest; last step of :func:`fit_guarded`.
+    """Returns the winner of the contest, with the contest in its summary.
 
     A ``requested`` candidate is used regardless of the winner.
 
