@@ -41,10 +41,9 @@ def learn(
     noise: Array,
     *,
     steps: int = 40,
-    least_gain: float = LEAST_GAIN,
 ) -> Weights:
     """Returns :func:`find_scales` with the root of the posterior made."""
-    return find_scales(channels, groups, noise, steps=steps, least_gain=least_gain).with_root()
+    return find_scales(channels, groups, noise, steps=steps).with_root()
 
 
 def find_scales(

@@ -220,18 +220,13 @@ class DeviationModel(Columns):
 
 
 def fit_deviation(
-    windows: WindowSet,
-    arm: CompliantArm,
-    settings: DeviationSettings | None = None,
-    *,
-    row: StaticCompliance | None = None,
+    windows: WindowSet, arm: CompliantArm, *, row: StaticCompliance | None = None
 ) -> DeviationModel:
     """Returns the deviation learned from measured windows.
 
     Args:
         windows: Measured; one pass is enough, several poses are better.
         arm: As stated by the data sheet.
-        settings: Priors; default those of :class:`DeviationSettings`.
         row: Static row of the response the windows were predicted with. Its deviation is chosen by
             evidence: as stated, or ``WIDER`` times as wide.
 
@@ -243,7 +238,7 @@ def fit_deviation(
     Fails when: something other than the joints is compliant and depends on the pose: it is learned
     as residual near the windows, and unknown elsewhere.
     """
-    settings = DeviationSettings() if settings is None else settings
+    settings = DeviationSettings()
     terms = physics_terms(arm, windows)
     check_for_fit(windows, terms.outside)
     rows = _own_rows(settings, windows, terms)

@@ -189,7 +189,7 @@ def exchange_poses(
             if on_step is not None:
                 on_step(sweep * len(chosen) + place)
             others = rows[chosen[:place] + chosen[place + 1 :]]
-            without = _Posterior(rows, weight, covariance_after(others, None))
+            without = _Posterior(rows, weight, covariance_after(others))
             gains = without.gains(criterion)
             best = int(np.argmax(np.where(free, gains, -np.inf)))
             if gains[best] > gains[old] * (1.0 + BETTER):
@@ -206,12 +206,10 @@ def passes(n: int) -> int:
     return max(1, EXCHANGES // max(n, 1))
 
 
-def follow(
-    rows: Array, weight: Array, order: IntArray, *, covariance: Array | None = None
-) -> Choice:
+def follow(rows: Array, weight: Array, order: IntArray) -> Choice:
     """Returns the remaining uncertainty after each pose of a given order."""
     mine = rows[order]
-    at = _Posterior(mine, weight, covariance)
+    at = _Posterior(mine, weight)
     variance, log_det = [at.variance], [0.0]
     for k in range(len(order)):
         log_det.append(log_det[-1] + float(np.linalg.slogdet(at.inner[k])[1]))

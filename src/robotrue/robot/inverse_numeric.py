@@ -170,14 +170,7 @@ def solve_global(
     )
 
 
-def all_solutions(
-    robot: RobotModel,
-    T_base_tool: Array,
-    *,
-    load: Load = NO_LOAD,
-    seeds: int = SEEDS,
-    tolerance: float = TOLERANCE,
-) -> list[Array]:
+def all_solutions(robot: RobotModel, T_base_tool: Array, *, seeds: int = SEEDS) -> list[Array]:
     """Returns for each pose the distinct solutions found (m, dof) rad, in (-180, 180] deg.
 
     Limits are not looked at. Distinct means more than 1e-4 rad apart in some joint.
@@ -185,23 +178,14 @@ def all_solutions(
     Args:
         robot: The arm with errors and compliance.
         T_base_tool: (n, 4, 4).
-        load: Payload and wrench, one row or n rows.
         seeds: Postures to start from; deterministic, the R_d sequence over the limits.
-        tolerance: m and rad.
 
     Fails when: there are more solutions than the seeds lead to; the list is then incomplete.
     """
     starts = _spread(robot, seeds)
     target = np.repeat(np.asarray(T_base_tool, dtype=np.float64), seeds, axis=0)
     index = np.repeat(np.arange(len(T_base_tool)), seeds)
-    tried = solve(
-        robot,
-        target,
-        np.tile(starts, (len(T_base_tool), 1)),
-        load=load.take(index),
-        tolerance=tolerance,
-        max_iterations=40,
-    )
+    tried = solve(robot, target, np.tile(starts, (len(T_base_tool), 1)), max_iterations=40)
     return [
         _distinct(tried.joints[(index == k) & tried.converged]) for k in range(len(T_base_tool))
     ]

@@ -120,7 +120,6 @@ def measure_table(
     *,
     points: Array = POINTS,
     angles: Array | None = None,
-    T_tracker_base: Array = T_TRACKER_BASE,
 ) -> TableSet:
     """Returns points (p, 3) m on the table, seen by a tracker at angles (a,) rad."""
     if angles is None:
@@ -130,7 +129,7 @@ def measure_table(
     reached = np.repeat(angles + SETTING * rng.standard_normal(len(angles)), len(points))
     point = np.tile(np.arange(len(points)), len(angles))
     place = apply(table.motion(reached), (points + center)[point])
-    seen = apply(T_tracker_base[None], place) + TRACKER * rng.standard_normal(place.shape)
+    seen = apply(T_TRACKER_BASE[None], place) + TRACKER * rng.standard_normal(place.shape)
     external = np.full((len(angle), EXTERNAL_AXES), np.nan)
     external[:, table.stated.number - 1] = angle
     return TableSet(

@@ -95,7 +95,6 @@ def select_guarded(
     reach: float = np.inf,
     doubts: Sequence[str] = (),
     progress: Progress | None = None,
-    seed: int = 0,
     requested: str = "",
 ) -> ErrorModel:
     """Returns the model of the candidate that wins on target poses, with the evidence.
@@ -111,7 +110,6 @@ def select_guarded(
         reach: m, of the arm; target points within a twentieth of it count as one place.
         doubts: Known before, e.g. of sources left out.
         progress: Called before every fit.
-        seed: Of the folds.
         requested: A candidate that is used regardless of the winner, which the verdict names.
 
     Raises:
@@ -121,7 +119,7 @@ def select_guarded(
     candidates = {**transfers, **alone}
     if target is None or rows < FEWEST_ROWS:
         return _fit_unchecked(candidates, target, tuple(doubts))
-    folds = random_folds(rows, folds=min(rows, MOST_FOLDS), seed=seed)
+    folds = random_folds(rows, folds=min(rows, MOST_FOLDS))
     trials = hold_out(candidates, target, splits=folds, payload=payload, progress=progress)
     trials = replace(trials, rule=_rule(rows, len(folds)))
     selection = decide(trials)

@@ -389,7 +389,6 @@ def fit_auto(
     settings: FitSettings | None = None,
     *,
     methods: Mapping[str, MethodFunction] = METHODS,
-    splits: Sequence[Split] | None = None,
     progress: Progress | None = None,
 ) -> ErrorModel:
     """Returns the model of the method that wins on held-out poses, fitted on all rows.
@@ -404,7 +403,6 @@ def fit_auto(
         measurements: All rows.
         settings: Given to every method; the default payload is taken from it too.
         methods: Fit functions by name, simplest first.
-        splits: Held-out parts; chosen by the number of rows if None.
         progress: Called before every fit.
 
     Raises:
@@ -415,7 +413,7 @@ def fit_auto(
     candidates: dict[str, FitFunction] = {
         name: partial(_fit_rows, method, robot, used) for name, method in methods.items()
     }
-    folds = default_splits(measurements) if splits is None else splits
+    folds = default_splits(measurements)
     refits = _fit_whole(methods, robot, measurements, used, folds, progress)
     trials = hold_out(
         candidates,
