@@ -10,7 +10,7 @@ rows. A model without terms has geometry and compliance alone, and S is the cova
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Annotated, Final
 
@@ -27,7 +27,7 @@ from robotrue.calibration.belief import (
 )
 from robotrue.calibration.evidence import spread
 from robotrue.calibration.held_out_blocks import HeldOutRows
-from robotrue.calibration.model import Prediction, Query, no_dependence
+from robotrue.calibration.model import Prediction, Query, no_dependence, unknown_reflector
 from robotrue.calibration.observations import take_to_base
 from robotrue.calibration.terms.term import ArmPostures, MeanTables, Term, rigid_tables
 from robotrue.calibration.terms.term_registry import STANDARD
@@ -37,7 +37,7 @@ from robotrue.core.arrays import Array
 from robotrue.core.columns import EMPTY, Column, Columns
 from robotrue.core.conditions import ArmConditions
 from robotrue.core.rotations import rotation_vector_from_matrix
-from robotrue.errors import ConfigurationError, ModelMismatchError
+from robotrue.errors import ConfigurationError
 from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.program.external_axes import ExternalAxis
 from robotrue.robot.model import RobotModel, parameter_slice
@@ -434,11 +434,3 @@ def _reflector_of(T_flange_tool: Array, root: Array, place: Array) -> Reflector:
     full = root.copy()
     full[:, -6:-3], full[:, -3:] = place, 0.0  # the tool errors are the last six
     return Reflector(T_flange_tool=T_flange_tool, covariance=full.T @ full, root=place)
-
-
-def unknown_reflector(number: int, known: Iterable[int]) -> ModelMismatchError:
-    """Returns the error for rows of a reflector that a model does not know."""
-    return ModelMismatchError(
-        f"reflector {number} is not in the model, which has {[0, *sorted(known)]}.",
-        hint="calibrate with rows of that reflector, or correct the column target.",
-    )

@@ -6,9 +6,9 @@ A lineage is the steps that made a model, oldest first, and its hash.
 from __future__ import annotations
 
 import weakref
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, is_dataclass, replace
-from typing import Final, Protocol, cast
+from typing import Final, Protocol, Self, cast
 
 import numpy as np
 
@@ -21,7 +21,7 @@ from robotrue.core.conditions import ArmConditions, no_conditions
 from robotrue.core.files import sha256
 from robotrue.core.model_identity import ModelIdentity
 from robotrue.core.provenance import Provenance, merge, provenance_from
-from robotrue.errors import ConfigurationError, ShapeError
+from robotrue.errors import ConfigurationError, ModelMismatchError, ShapeError
 from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.program.external_axes import ExternalAxis
 from robotrue.robot.model import RobotModel, nominal_identity
@@ -171,9 +171,36 @@ class ErrorModel(Protocol):
 
 
 class UnconditionalModel:
-    """The part of :class:`ErrorModel` about conditions, for a model that depends on none."""
+    """The part of :class:`ErrorModel` about conditions, set-ups and further reflectors.
+
+    For a model that depends on no conditions, estimates no set-up and knows one reflector.
+    """
 
     __slots__ = ()
+
+    def in_base(self, measurements: MeasurementSet) -> MeasurementSet:
+        """Returns the set, which must be in base already.
+
+        Raises:
+            ModelMismatchError: It is in a tracker frame.
+        """
+        if measurements.frame != "base":
+            raise ModelMismatchError(
+                "the measurements are in a tracker frame, which this model does not estimate.",
+                hint="register the tracker to the base first, or calibrate with a method that "
+                "estimates it.",
+            )
+        return measurements
+
+    def at_reflector(self, number: int) -> Self:
+        """Returns the model itself for reflector 0.
+
+        Raises:
+            ModelMismatchError: Another reflector.
+        """
+        if number:
+            raise unknown_reflector(number, ())
+        return self
 
     def under(self, conditions: ArmConditions) -> ErrorModel:
         """Refuses stated conditions.
@@ -196,6 +223,14 @@ class UnconditionalModel:
     def tables_hold(self, conditions: ArmConditions) -> bool:
         """Returns true."""
         return True
+
+
+def unknown_reflector(number: int, known: Iterable[int]) -> ModelMismatchError:
+    """Returns the error for rows of a reflector that a model does not know."""
+    return ModelMismatchError(
+        f"reflector {number} is not in the model, which has {[0, *sorted(known)]}.",
+        hint="calibrate with rows of that reflector, or correct the column target.",
+    )
 
 
 def no_dependence() -> ConfigurationError:

@@ -7,7 +7,7 @@ from typing import Final
 
 from robotrue.calibration.archive import robot_arrays, robot_document, robot_from
 from robotrue.calibration.belief import Belief
-from robotrue.calibration.calibrated_model import model_of, unknown_reflector
+from robotrue.calibration.calibrated_model import model_of
 from robotrue.calibration.model import Prediction, Query, UnconditionalModel
 from robotrue.calibration.settings import FitSettings, prior_belief
 from robotrue.calibration.terms.term import MeanTables, rigid_tables
@@ -15,8 +15,6 @@ from robotrue.calibration.training_summary import TrainingSummary
 from robotrue.core.archive import Archive, archive_reader
 from robotrue.core.arrays import Array
 from robotrue.core.document_decoder import decode
-from robotrue.errors import ModelMismatchError
-from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.robot.model import RobotModel
 
 KIND: Final = "error-model/nominal"
@@ -72,29 +70,6 @@ class NominalModel(UnconditionalModel):
     def mean_tables(self) -> MeanTables | None:
         """Returns the nominal chain."""
         return rigid_tables(self.robot)
-
-    def in_base(self, measurements: MeasurementSet) -> MeasurementSet:
-        """Returns the set, which must be in base already.
-
-        Raises:
-            ModelMismatchError: It is in a tracker frame.
-        """
-        if measurements.frame != "base":
-            raise ModelMismatchError(
-                "the measurements are in a tracker frame, which a nominal arm does not have.",
-                hint="register the tracker to the base first, or calibrate.",
-            )
-        return measurements
-
-    def at_reflector(self, number: int) -> NominalModel:
-        """Returns the model itself for reflector 0.
-
-        Raises:
-            ModelMismatchError: Another reflector.
-        """
-        if number:
-            raise unknown_reflector(number, ())
-        return self
 
     def training_summary(self) -> TrainingSummary:
         """Returns a summary without rows, and a warning that states it."""

@@ -10,7 +10,6 @@ import numpy as np
 
 from robotrue.calibration.archive import robot_arrays, robot_document, robot_from
 from robotrue.calibration.belief import Belief
-from robotrue.calibration.calibrated_model import unknown_reflector
 from robotrue.calibration.deng2022.committee import Committee, restore_committee
 from robotrue.calibration.deng2022.domains import LEVER, Labelled, pose_features
 from robotrue.calibration.deng2022.readings import Outside
@@ -156,29 +155,6 @@ class PoseModel(UnconditionalModel):
     def mean_tables(self) -> MeanTables | None:
         """Returns None: a model of poses has no tables over joints."""
         return None
-
-    def in_base(self, measurements: MeasurementSet) -> MeasurementSet:
-        """Returns the set, which must be in base already.
-
-        Raises:
-            ModelMismatchError: It is in a tracker frame; this model estimates none.
-        """
-        if measurements.frame != "base":
-            raise ModelMismatchError(
-                "the measurements are in a tracker frame, which this model does not estimate.",
-                hint="register the tracker to the base first.",
-            )
-        return measurements
-
-    def at_reflector(self, number: int) -> PoseModel:
-        """Returns the model itself for reflector 0.
-
-        Raises:
-            ModelMismatchError: Another reflector; a model of poses knows one point.
-        """
-        if number:
-            raise unknown_reflector(number, ())
-        return self
 
     def training_summary(self) -> TrainingSummary:
         """Returns method, data, row counts, verdict and warnings."""
