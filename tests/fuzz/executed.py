@@ -22,6 +22,8 @@ import numpy as np
 from controllers import Controller, Move
 from fanuc_controller import FanucController
 from fanuc_flow_programs import FanucFlowWriter
+from jbi_controller import JbiController
+from jbi_flow_programs import JbiFlowWriter
 from krl_controller import KrlController
 from krl_flow_programs import FlowWriter
 from laws import changed, read, write
@@ -41,7 +43,10 @@ TAKEN = 0.75
 PLACE, TURN = 3e-6, 6e-5
 """m and elements of a matrix: what the printed digits can hold; corrections are about a
 millimetre."""
-FOLLOWING = ("targets computed from it move with its correction", "INC moves by a step")
+FOLLOWING = (
+    "targets computed from it move with its correction", "INC moves by a step",
+    "IMOV moves by a step",
+)  # fmt: skip
 """Notes of a program: such a target is near its correction, not at it."""
 Files = Mapping[str, str]
 
@@ -63,6 +68,10 @@ EXECUTED = {
         lambda files, rng: FanucController(files, FRAMES, rng),
     ),
     "urscript": Executed(lambda pen: UrFlowWriter(pen).job(), UrController),
+    "jbi": Executed(
+        lambda pen: JbiFlowWriter(pen).job(),
+        lambda files, rng: JbiController(files, FRAMES, rng),
+    ),
     "rapid": Executed(lambda pen: RapidFlowWriter(pen).job(), RapidController),
 }
 

@@ -29,7 +29,7 @@ _LINE: Final = re.compile(rb"[^\n]*\n?")
 _NAMED: Final = re.compile(rb"([CP])X?(\d{1,6})(?!\d)")
 _POINT: Final = re.compile(rb"[ \t]*[CP]\d")
 _ARGUMENTS: Final = re.compile(rb"^[ \t]*//ARGINFO", re.MULTILINE | re.IGNORECASE)
-_SHIFT: Final = re.compile(rb"^[ \t]*SFTON", re.MULTILINE)
+_SHIFT: Final = re.compile(rb"^[^'\r\n]*\bSFTON", re.MULTILINE)
 _LETTER: Final = {Motion.PTP: b"J", Motion.LIN: b"L"}
 
 

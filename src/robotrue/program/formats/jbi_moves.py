@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from array import array
-from collections.abc import Container, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass, field
 from typing import Final
 
@@ -12,8 +12,9 @@ import numpy as np
 
 from robotrue.errors import FormatError
 from robotrue.program.formats.alike import note_moves
+from robotrue.program.formats.jbi_flow import list_calls
+from robotrue.program.formats.jbi_jobs import JobLinks, list_set_frames
 from robotrue.program.formats.jbi_scan import P_POINTS, JbiScan
-from robotrue.program.formats.numbered_frames import list_changed_frames
 from robotrue.program.formats.target_notes import absent_routine
 from robotrue.program.program import Motion, Reason
 
@@ -25,10 +26,6 @@ _LOCAL: Final = re.compile(rb"(?<![\w#(])L(?:P|BP|EX)[ \t]*(?:\d{1,6}\b|\[)")
 _VARIABLE: Final = re.compile(rb"\bL?PX?(\d{1,6})\b")
 _USED: Final = re.compile(rb"(?<![\w#(*:\"])C(\d{1,6})\b")
 _VARIABLES: Final = re.compile(rb"\bPX?\[")
-_FRAME: Final = re.compile(
-    rb"\b(?:MFRAME|SETUFRAME)\b(?:(?!\b(?:MFRAME|SETUFRAME)\b).)*?UF#\((\d++)\)", re.IGNORECASE
-)
-_TOOL: Final = re.compile(rb"\bSETTOOL\b(?:(?!\bSETTOOL\b).)*?TL#\((\d++)\)", re.IGNORECASE)
 MOTION: Final = {
     b"J": Motion.PTP,
     b"L": Motion.LIN,
@@ -36,17 +33,11 @@ MOTION: Final = {
     b"S": Motion.SPLINE,
     b"": Motion.LIN,
 }
-_CALL: Final = re.compile(rb"\bCALL[ \t]+JOB:([^\s()]+)")
-_JOB: Final = re.compile(rb"^//NAME[ \t]+(\S+)", re.MULTILINE)
-_SETS: Final = re.compile(
-    rb"(?m)^(?!(?:\+?[ \t]*)?(?:S?MOV|P\d|///))[^'\r\n]*?"
-    rb"(?:\b(?:CALL|JUMP)[ \t]+JOB|\bPX?(?:\d|\[))"
-)
-"""A line that is no move and names a P point, or calls a job."""
-_LEAPS: Final = (b"JUMP", b"FOR ", b"WHILE", b"IFTHEN", b"ELSE", b"SWITCH")
-"""Instructions with which a job does not run from its first line to its last."""
+_OTHER_FRAME: Final = re.compile(rb"\b(?:TL|UF)#\(")
 _TAILS: Final = 4096
 """Tails of moves remembered."""
+ALL_POINTS: Final = -1
+"""Among the numbers of P points: any of them."""
 
 
 @dataclass(slots=True)
@@ -59,6 +50,7 @@ class JbiMoves:
         partners: External points in the same move, by row.
         runs: Rows of each run of ``MOVC``, in order.
         frames: Frames that the job computes: side, number and line.
+        named: P points that it uses other than as a constant target, or ``ALL_POINTS``.
         path: As ``Program.path``: line, row or minus the line, motion.
         notes: Sentences.
     """
@@ -68,49 +60,23 @@ class JbiMoves:
     partners: dict[int, list[tuple[str, int]]] = field(default_factory=dict)
     runs: list[list[int]] = field(default_factory=list)
     frames: list[tuple[str, str, int]] = field(default_factory=list)
+    named: set[int] = field(default_factory=set)
     path: array[int] = field(default_factory=lambda: array("q"))
     notes: list[str] = field(default_factory=list)
 
 
-def quiet_jobs(files: Sequence[tuple[str, bytes]]) -> tuple[str, ...]:
-    """Returns the names, in lower case, of jobs that set no point and call no job.
-
-    Empty where no file calls a job.
-    """
-    if not any(b"CALL" in data for _, data in files):
-        return ()
-    named = [(_JOB.search(data), data) for _, data in files]
-    return tuple(
-        match[1].decode("latin-1").strip().lower()
-        for match, data in named
-        if match and not _SETS.search(data, match.end())
-    )
-
-
-def jbi_frame_changes(files: Sequence[tuple[str, bytes]]) -> Mapping[tuple[str, str], str]:
-    """Returns what changes numbered frames of the controller in the jobs given."""
-    words = (b"MFRAME", b"SETUFRAME", b"SETTOOL")
-    return list_changed_frames(files, words, lambda line: _list_set_frames(line.partition(b"'")[0]))
-
-
-def _list_set_frames(text: bytes) -> list[tuple[str, str]]:
-    """Returns side and number of the frames that an instruction sets."""
-    kinds = (("base", _FRAME), ("tool", _TOOL))
-    return [(side, number.decode()) for side, kind in kinds for number in kind.findall(text)]
-
-
-def moves(scan: JbiScan, name: str, harmless: Container[str] = ()) -> JbiMoves:
+def moves(scan: JbiScan, name: str, links: JobLinks) -> JbiMoves:
     """Returns what the instructions do.
 
     Args:
         scan: The job.
         name: Of its file.
-        harmless: Jobs that change no point, in lower case.
+        links: What holds in it because of other jobs.
 
     Raises:
         FormatError: A move to a C point that the job does not hold.
     """
-    walk = _Walk(scan, name, harmless)
+    walk = _Walk(scan, name, links)
     for line, text in scan.body:
         walk.instruction(line, text.partition(b"'")[0] if b"'" in text else text)
         if line in scan.alike:
@@ -119,24 +85,46 @@ def moves(scan: JbiScan, name: str, harmless: Container[str] = ()) -> JbiMoves:
     return walk.out
 
 
+def flag_p_points(found: JbiMoves, scan: JbiScan, name: str, named: Collection[int]) -> None:
+    """Flags the P points that any job uses other than as a constant target.
+
+    Args:
+        found: Of one of the jobs, changed in place.
+        scan: The job.
+        name: Of its file.
+        named: Numbers of such points; with ``ALL_POINTS`` all.
+    """
+    rows = np.flatnonzero(scan.names >= P_POINTS).tolist()
+    own = [row for row in rows if ALL_POINTS in named or int(scan.names[row]) in named]
+    fresh = [row for row in own if row in found.motion and row not in found.flags]
+    found.flags |= dict.fromkeys(fresh, Reason.EXPRESSION)
+    if fresh:
+        what = f"P{int(scan.names[fresh[0]]) - P_POINTS:03d}"
+        found.notes.append(
+            f"{name}:{int(scan.line[fresh[0]])}: {what} is used or set otherwise in another job; "
+            f"{len(fresh)} such points are not compensated."
+        )
+
+
 def names_no_point(tail: bytes) -> bool:
-    """Returns whether a move's words after its point name none, and no second group."""
-    return not (b"+" in tail or _POINTS.search(tail) or _COMPUTED.search(tail))
+    """Returns whether a move's words after its point name none, no frame and no second group."""
+    other = b"+" in tail or _POINTS.search(tail) or _COMPUTED.search(tail)
+    return not (other or _OTHER_FRAME.search(tail))
 
 
 class _Walk:
-    def __init__(self, scan: JbiScan, name: str, harmless: Container[str]) -> None:
-        self.name, self._harmless, self._scan = name, harmless, scan
-        self._variables: list[int] = []
-        self._calls: list[tuple[str, int]] = []
+    def __init__(self, scan: JbiScan, name: str, links: JobLinks) -> None:
+        self.name, self._links, self._scan = name, links, scan
+        self._p_points: set[int] = set()
         self.out = JbiMoves()
         self._row = {number: row for row, number in enumerate(scan.names.tolist())}
         self._external = scan.external
         self._run: list[int] = []
         self._master: list[int] = []
-        self._shift = 0
+        self._shifts = links.shifts.get(name, {})
+        self._shift = self._shifts.get(0, False)
         self._shifted: list[int] = []
-        self._leaps = any(text.upper().startswith(_LEAPS) for _, text in scan.body)
+        self._reads_steps = 0
         self._told: set[str] = set()
         self._tails: dict[bytes, bool] = {}
 
@@ -154,19 +142,17 @@ class _Walk:
         if match:
             self._move(line, match[1] == b"+", match[2], match[3], match[4])
             return
+        self._shift = self._shifts.get(line, self._shift)
         if text.startswith(b"SFTON"):
-            self._shift = self._shift or line
-            moves = "moves of this job, which jumps," if self._leaps else "moves after it"
-            self._tell("shift", f"{self.name}:{line}: SFTON shifts the {moves} up to SFTOF; their "
-                       "targets are not compensated.")  # fmt: skip
-        elif text.startswith(b"SFTOF") and not self._leaps:
-            self._shift = 0
-        if b"CALL" in text:
-            self._call(line, text)
-        if text.startswith(b"CALL") and self._shift:
-            self._tell("called", f"{self.name}:{line}: a job that is called while SFTON shifts "
-                "moves away from its points; do not compensate it.")  # fmt: skip
-        self.out.frames += [(side, number, line) for side, number in _list_set_frames(text)]
+            self._tell("shift", f"{self.name}:{line}: SFTON shifts the moves after it up to SFTOF; "
+                       "their targets are not compensated.")  # fmt: skip
+        elif text.startswith(b"+") and b"SFTON" in text:
+            self._shift_move(line, self._master)
+        for called in list_calls(text):
+            self._call(line, called)
+        if text.startswith(b"GETPOS"):
+            self._reads_steps = line
+        self.out.frames += [(side, number, line) for side, number in list_set_frames(text)]
         for number in _VARIABLE.findall(text):
             self._compute(int(number) + P_POINTS, line)
         for number in _USED.findall(text):
@@ -191,29 +177,41 @@ class _Walk:
         """Closes what is open at the end."""
         self._close_run()
         self._behind_calls()
-        if self._shift and self._leaps:
-            self._shifted = list(self.out.motion)
         self.out.flags |= dict.fromkeys(self._shifted, Reason.RELATIVE)
+        if self._shifted:
+            self._tell("shift", f"{self.name}: a shift of another job, or of the run before, may "
+                       "be in force; its moves there are not compensated.")  # fmt: skip
+        if self._reads_steps:
+            for row in self.out.motion:
+                self._flag(row, Reason.EXPRESSION)
+            self._tell("steps", f"{self.name}:{self._reads_steps}: GETPOS reads a taught position; "
+                       "the points of this job are not compensated.")  # fmt: skip
+        rows = [row for row in self.out.flags if int(self._scan.names[row]) >= P_POINTS]
+        self.out.named |= {int(self._scan.names[row]) for row in rows}
 
-    def _call(self, line: int, text: bytes) -> None:
-        """A job that is called may give P points, which are global, other values."""
-        for name in _CALL.findall(text):
-            called = name.decode("latin-1").strip()
-            if called.lower() not in self._harmless:
-                self._calls.append((called, line))
+    def _shift_move(self, line: int, rows: list[int]) -> None:
+        """Flags the points of a move that is shifted by words of its own."""
+        self._tell("3D", f"{self.name}:{line}: SFTON3D shifts the move; its point is not "
+                   "compensated.")  # fmt: skip
+        for row in rows:
+            self._flag(row, Reason.RELATIVE)
+
+    def _call(self, line: int, called: str) -> None:
+        if self._shift and called in self._links.absent:
+            self._tell("called", f"{self.name}:{line}: a job that is called while SFTON shifts "
+                "moves away from its points; do not compensate it.")  # fmt: skip
 
     def _behind_calls(self) -> None:
-        """Flags the P points that are moved to after a call; all where the job jumps."""
-        used = sorted({row for row in self._variables if row >= 0})
-        if not self._calls or not used:
+        """Flags P points, which are global, if a job in no file may give them other values."""
+        rows = [self._row[name] for name in self._p_points if name in self._row]
+        absent = self._links.absent
+        if not absent or not rows:
             return
-        for row in used:
+        for row in rows:
             self._flag(row, Reason.EXPRESSION)
-        names = list(dict.fromkeys(name for name, _ in self._calls))
-        what = (f"P points: {len(used)} points after it are not compensated; user frames, tools "
+        what = (f"P points: {len(rows)} points are not compensated; user frames, tools "
             "and shifts are assumed unchanged")  # fmt: skip
-        sentence = absent_routine(f"{self.name}:{self._calls[0][1]}", names, what)
-        self.out.notes.append(sentence)
+        self.out.notes.append(absent_routine(next(iter(absent.values())), list(absent), what))
 
     def _is_plain(self, tail: bytes) -> bool:
         """True if a move's tail names no point and no second group; tails repeat themselves."""
@@ -235,6 +233,9 @@ class _Walk:
             self._tell("local", f"{self.name}:{line}: {local[0].decode()} is a variable of the "
                        "controller; moves to such points are not compensated.")  # fmt: skip
         rows = [] if verb == b"REFP" else list(self._targets(line, own))
+        if verb != b"MOV" or others or self._shift or _OTHER_FRAME.search(rest):
+            points = [number for kind, number in self._points(rest) if kind == "P"]
+            self.out.named |= {number + P_POINTS for number in points}
         outside = [key for key in self._points(rest) if key[0] not in ("C", "P")]
         for row in [row for other in others for row in self._targets(line, other)]:
             self._flag(row, Reason.EXTERNAL_AXIS)
@@ -255,6 +256,13 @@ class _Walk:
                 self._flag(row, Reason.EXTERNAL_AXIS)
         if self._shift:
             self._shifted += rows
+        if b"SFTON" in rest:
+            self._shift_move(line, self._master)
+        if _OTHER_FRAME.search(own) and verb == b"MOV":
+            self._tell("frame", f"{self.name}:{line}: the move names a tool or frame of its own; "
+                       "its point is not compensated.")  # fmt: skip
+            for row in rows:
+                self._flag(row, Reason.UNKNOWN_FRAME)
         if not second and not rows and verb in (b"MOV", b"SMOV"):
             self.out.path.extend((line, -line, int(MOTION[letter])))
         self._track(line, rows, letter, b"FPT" in own)
@@ -295,8 +303,8 @@ class _Walk:
             if kind not in ("C", "P"):
                 continue
             row = self._row.get(number + (P_POINTS if kind == "P" else 0))
-            if kind == "P" and row is not None and (self._calls or self._leaps):
-                self._variables.append(row)
+            if kind == "P":
+                self._p_points.add(number + P_POINTS)
             if row is not None:
                 yield row
             elif kind == "C":
@@ -312,6 +320,8 @@ class _Walk:
 
     def _compute(self, name: int, line: int) -> None:
         row = self._row.get(name)
+        if name >= P_POINTS:
+            self.out.named.add(name)
         if row is not None:
             self._flag(row, Reason.EXPRESSION)
             what = f"C{name:05d}" if name < P_POINTS else f"P{name - P_POINTS:03d}"
@@ -319,6 +329,7 @@ class _Walk:
                        "is no move; such points are not compensated.")  # fmt: skip
 
     def _all_variables(self, line: int) -> None:
+        self.out.named.add(ALL_POINTS)
         if "index" in self._told:
             return
         self._tell("index", f"{self.name}:{line}: a point is chosen by a computed number; P points "

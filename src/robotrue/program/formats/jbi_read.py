@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -13,7 +14,15 @@ from robotrue.core.arrays import Array, BoolArray, IntArray
 from robotrue.core.units import DEG
 from robotrue.errors import ShapeError
 from robotrue.program.external_axes import COUNT, Carried
-from robotrue.program.formats.jbi_moves import JbiMoves, moves
+from robotrue.program.formats.jbi_flow import name_job
+from robotrue.program.formats.jbi_jobs import (
+    JobLinks,
+    jbi_frame_changes,
+    link_jobs,
+    share_points,
+    spread_motion,
+)
+from robotrue.program.formats.jbi_moves import JbiMoves, flag_p_points, moves
 from robotrue.program.formats.jbi_scan import UNITS, Header, JbiScan, scan
 from robotrue.program.formats.jbi_write import JbiSpans
 from robotrue.program.formats.numbered_frames import NumberedFrames
@@ -37,25 +46,42 @@ _TURN: Final = 4096.0
 """Pulses of a turn of a motor."""
 
 
-def read_jbi(data: bytes, name: str, frames: FrameTable) -> Program:
-    """Returns the program of a job.
+def read_jbi(files: Sequence[tuple[str, bytes]], frames: FrameTable) -> tuple[Program, ...]:
+    """Returns the programs of jobs that may call each other.
 
     Raises:
         FormatError: Not a job, cut off, or a line that cannot be read.
         ShapeError: ``frames.pulses_per_degree`` are not six numbers other than zero.
     """
-    found = scan(data, name=name)
-    return _Builder(found, moves(found, name, frames.harmless_routines), name, frames).program()
+    frames = replace(frames, changed_frames=jbi_frame_changes(files))
+    scans = [scan(data, name=name) for name, data in files]
+    names = [name for name, _ in files]
+    links = link_jobs(list(zip(names, scans, strict=True)), frames.harmless_routines)
+    walks = [moves(found, name, links) for name, found in zip(names, scans, strict=True)]
+    if len(files) > 1:
+        spread_motion(scans, [walk.motion for walk in walks])
+    named = set[int]().union(*(walk.named for walk in walks))
+    programs = []
+    for name, found, walk in zip(names, scans, walks, strict=True):
+        flag_p_points(walk, found, name, named)
+        programs.append(_Builder(found, walk, name, frames, links).program())
+    if len(files) == 1:
+        return tuple(programs)
+    reasons = share_points(programs, [walk.runs for walk in walks])
+    return tuple(replace(p, reason=r) for p, r in zip(programs, reasons, strict=True))
 
 
 class _Builder:
-    def __init__(self, found: JbiScan, walk: JbiMoves, name: str, given: FrameTable) -> None:
+    def __init__(
+        self, found: JbiScan, walk: JbiMoves, name: str, given: FrameTable, links: JobLinks
+    ) -> None:
         self.scan, self.walk, self.name, self.given = found, walk, name, given
         self.notes: list[str] = []
         self.frames = NumberedFrames(given, name, holder=_HOLDER, zero_is_root=False)
         for side, number, line in walk.frames:
             self.frames.change(side, number, line, "the job")
         self._relative = next((v for _, k, v in found.attributes if k == "FRAME"), "").split()
+        self._called_in = links.frames.get(name_job(found.data), ())
         groups = [value for _, key, value in found.attributes if key.startswith("GROUP")]
         self._rail = any("BS" in value for value in groups)
 
@@ -135,6 +161,10 @@ class _Builder:
 
     def _base(self, header: Header, line: int, count: int) -> int:
         frames, postype = self.frames, header.postype
+        others = [number for number in self._called_in if [number] != self._relative[1:2]]
+        if self._relative and others and header.unit == UNITS["RECTAN"]:
+            what = f"of a relative job that is called with UF#({others[0]})"
+            return frames.unknown("base", what, line, "compensate a copy for each frame")
         if header.unit != UNITS["RECTAN"] or postype in ("ROBOT", "TOOL"):
             return frames.robot_root()
         if postype == "BASE":

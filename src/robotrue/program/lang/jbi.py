@@ -8,7 +8,6 @@ of robot points are ever rewritten; ``///NPOS`` stays true, because no point is 
 from __future__ import annotations
 
 import re
-from dataclasses import replace
 from typing import Final
 
 from robotrue.core.arrays import Array
@@ -54,12 +53,9 @@ def _score(data: bytes) -> float:
 
 
 def _read(files: NamedBytes, frames: FrameTable) -> tuple[Program, ...]:
-    from robotrue.program.formats.jbi_moves import jbi_frame_changes, quiet_jobs
     from robotrue.program.formats.jbi_read import read_jbi
 
-    quiet = (*frames.harmless_routines, *quiet_jobs(files))
-    frames = replace(frames, harmless_routines=quiet, changed_frames=jbi_frame_changes(files))
-    return tuple(read_jbi(data, name, frames) for name, data in files)
+    return read_jbi(files, frames)
 
 
 def _write(program: Program, replacement: Replacement) -> bytes:
