@@ -36,7 +36,8 @@ RARE = {
     "fanuc_ls": ["PR[1]=P[3]", "R[2]=P[2,1]", "Touch Offset PR[1]", "L PR[1] 5mm/sec FINE",
                  "L P[R[1]] 5mm/sec FINE", "L P[9999] 2mm/sec FINE", "L P[1] 2mm/sec FINE INC"],
     "jbi": ["SET P001 P002", "SFTON P001", "IMOV P001 V=5.0", "SETUFRAME UF#(1) P001",
-            "MOVL P001 V=5.0", "MOVL C00001 V=5.0", "+MOVJ EC00001"],
+            "MOVL P001 V=5.0", "MOVL C00001 V=5.0", "+MOVJ EC00001", "GETPOS PX001 STEP#(1)",
+            "+SFTON3D P001"],
 }  # fmt: skip
 
 

@@ -19,7 +19,10 @@ from robotrue.program.formats.control_flow import ControlFlow
 from robotrue.program.formats.jbi_scan import JbiScan
 
 _JOB: Final = re.compile(rb"^//NAME[ \t]+(\S+)", re.MULTILINE)
-_CALL: Final = re.compile(rb"\b(?:CALL|JUMP|PSTART)\b[^'\"]*?\bJOB:([^\s()]+)|\b(MJ#\(\w+\))")
+_CALL: Final = re.compile(
+    rb"\b(?:CALL|JUMP|PSTART)\b(?:(?!\b(?:CALL|JUMP|PSTART)\b)[^'\"])*?\bJOB:([^\s()]++)"
+    rb"|\b(MJ#\(\w{1,20}+\))"
+)
 _OTHER_CALL: Final = re.compile(rb"(?:CALL|JUMP)[ \t]+(?!\*|LABEL:|JOB:)(\S+)")
 """A job by a variable, an input group or a table."""
 _JUMP: Final = re.compile(rb"(?:JUMP[ \t]+|.* TRAP[ \t]*)(\*[^ \t]+|LABEL:)")

@@ -21,12 +21,15 @@ from robotrue.program.formats.shared_fate import share_fate
 from robotrue.program.program import Motion, Program, Reason
 
 _FRAME: Final = re.compile(
-    rb"\b(?:MFRAME|SETUFRAME)\b(?:(?!\b(?:MFRAME|SETUFRAME)\b).)*?UF#\(([^)]*+)\)", re.IGNORECASE
+    rb"\b(?:MFRAME|SETUFRAME)\b(?:(?!\b(?:MFRAME|SETUFRAME)\b).)*?UF#\(([^)\s]{1,20}+)\)",
+    re.IGNORECASE,
 )
-_TOOL: Final = re.compile(rb"\bSETTOOL\b(?:(?!\bSETTOOL\b).)*?TL#\(([^)]*+)\)", re.IGNORECASE)
+_TOOL: Final = re.compile(
+    rb"\bSETTOOL\b(?:(?!\bSETTOOL\b).)*?TL#\(([^)\s]{1,20}+)\)", re.IGNORECASE
+)
 _NUMBERS: Final = 64
 """User frames and tools that a controller has at most."""
-_OTHER_FRAME: Final = re.compile(rb"\bJOB:([^\s()]+)[^']*?\bUF#\(([^)]*+)\)")
+_OTHER_FRAME: Final = re.compile(rb"\bJOB:([^\s()]++)(?:(?!\bJOB:).)*?\bUF#\(([^)\s]{1,20}+)\)")
 
 
 @dataclass(frozen=True, slots=True)
