@@ -201,6 +201,8 @@ def test_an_arc_of_poses_and_axis_values_is_left_alone() -> None:
         ("MOVL P001 V=1.0 +SFTON3D P009", Reason.RELATIVE),
         ("MOVL P001 V=1.0\n+SFTON3D P009", Reason.RELATIVE),
         ("MOVL P001 V=1.0 TL#(2)", Reason.UNKNOWN_FRAME),
+        ("MOVL P001 V=1.0 +MOVJ BC00000", Reason.NONE),
+        ("REFP 1 P001\nMOVL P001", Reason.NONE),
         ("MOVL P001\nGETPOS PX002 STEP#(1)", Reason.EXPRESSION),
         ("MACRO1 MJ#(1) ARGF10\nMOVL P001", Reason.EXPRESSION),
         ("MOVL P001\nJUMP JOB:PART IF B000=1", Reason.EXPRESSION),

@@ -233,9 +233,9 @@ class _Walk:
             self._tell("local", f"{self.name}:{line}: {local[0].decode()} is a variable of the "
                        "controller; moves to such points are not compensated.")  # fmt: skip
         rows = [] if verb == b"REFP" else list(self._targets(line, own))
-        if verb != b"MOV" or others or self._shift or _OTHER_FRAME.search(rest):
-            points = [number for kind, number in self._points(rest) if kind == "P"]
-            self.out.named |= {number + P_POINTS for number in points}
+        changed = verb not in (b"MOV", b"REFP") or self._shift or _OTHER_FRAME.search(rest)
+        points = self._points(rest if changed else b"+".join(others))
+        self.out.named |= {number + P_POINTS for kind, number in points if kind == "P"}
         outside = [key for key in self._points(rest) if key[0] not in ("C", "P")]
         for row in [row for other in others for row in self._targets(line, other)]:
             self._flag(row, Reason.EXTERNAL_AXIS)
