@@ -173,7 +173,8 @@ def test_states_go_on_to_programs_that_a_called_one_calls() -> None:
     ],
 )
 def test_a_block_number_that_is_jumped_to(language: str, jump: str, known: bool) -> None:
-    text = f"{HEAD[language]}{POINT}{jump}\n{HEAD[language]}{POINT}N10 {POINT}N20\nM30\n"
+    other = HEAD[language].replace("G54", "G55")
+    text = f"{HEAD[language]}{POINT}{jump}\n{other}{POINT}N10 {POINT}N20\nM30\n"
     (program,) = find_language(language).read_job([("a.nc", text.encode())], frames=TABLE)
     assert program.reason.tolist()[0] == Reason.NONE
     assert any("work frame is not certain" in note for note in program.notes) != known
@@ -193,3 +194,69 @@ def test_a_block_that_may_be_skipped_gets_no_words() -> None:
     (program,) = find_language("fanuc_gcode").read_job([("a.nc", text.encode())], frames=TABLE)
     # the target before it stays, since its words go through the block
     assert program.reason.tolist() == [Reason.NONE, *[Reason.INCOMPLETE] * 2, Reason.NONE]
+
+
+_FULL = "G1 X5. Y6. Z7. A1. B0. C0.\n"
+_CALLED = "O9\nG1 Z-5.\nM99\n"
+KEPT, FINE, LOST = Reason.INCOMPLETE, Reason.NONE, Reason.UNKNOWN_FRAME
+
+
+@pytest.mark.parametrize(
+    ("language", "text", "called", "expected"),
+    [
+        # a cycle goes to its holes at the height of the point before it
+        ("fanuc_gcode", f"{POINT}G81 X5. Y6. Z-5. R2. A0. B0. C0.\nG80\n", "",
+         [KEPT, Reason.EXPRESSION]),
+        # a called program takes over X and Y, and the program behind a call what that ends with
+        ("fanuc_gcode", f"{POINT}M98 P9\n", _CALLED, [KEPT]),
+        ("fanuc_gcode", f"{POINT}M98 P9\n", f"O9\n{_FULL}M99\n", [FINE]),
+        ("fanuc_gcode", f"{POINT}M98 P9\nM30\n{_CALLED}", "", [KEPT] * 2),
+        # a block moves before it calls
+        ("fanuc_gcode", f"{POINT}X5. Y6. M98 P9\n", f"O9\n{_FULL}M99\n", [FINE] * 2),
+        # a jump leads past the point before in the text
+        ("fanuc_gcode", f"{POINT}IF [#1 EQ 1] GOTO 50\n{_FULL}N50 X7.\n", "", [KEPT] * 3),
+        ("fanuc_gcode", f"{POINT}IF [#1 EQ 1] GOTO 50\n{_FULL}N50 {_FULL}", "", [FINE] * 3),
+        # a switch skips the point before
+        ("fanuc_gcode", f"{POINT}/{_FULL}X7.\n", "", [KEPT] * 3),
+        ("fanuc_gcode", f"{POINT}/G1 X7. C5.\nX8. Y1. Z1.\n{_FULL}", "", [KEPT, KEPT, KEPT, FINE]),
+        # the zero is put where the robot is
+        ("fanuc_gcode", f"{POINT}G92 X0. Y0. Z0.\n{_FULL}", "", [KEPT, LOST]),
+        # programs called at every point
+        ("fanuc_gcode", f"{POINT}G66 P9\nG90\n{_FULL}G67\n{_FULL}", f"O9\nG91\n{_FULL}M99\n",
+         [FINE, KEPT, KEPT]),
+        ("sinumerik", f"{POINT}MCALL CYCLE81(50,0,2,-9)\n{_FULL}MCALL\n{_FULL}", "",
+         [FINE, LOST, FINE]),
+        # nobody knows where axis values lead to
+        ("sinumerik", f"{POINT}G0 JT1=1 JT2=2 JT3=3 JT4=4 JT5=5 JT6=6\nG1 X5.\n{_FULL}", "",
+         [FINE, KEPT, KEPT, FINE]),
+        # offsets stay for the next run
+        ("sinumerik", f"{POINT}$P_UIFR[1]=CTRANS(X,10)\nG54\n{_FULL}", "", [LOST, FINE]),
+        ("fanuc_gcode", f"{POINT}G10 L2 P1 X10.\n", "", [LOST]),
+        ("fanuc_gcode", f"{POINT}G10 L2 P2 X10.\n", "", [FINE]),
+        # a main program that ends with M99 begins again as it is
+        ("fanuc_gcode", f"{POINT}G52 X1. Y1. Z1.\nM99\n", "", [LOST]),
+        ("fanuc_gcode", f"{POINT}G52 X1. Y1. Z1.\nG52 X0. Y0. Z0.\nM99\n", "", [FINE]),
+        # a transformation is called, and the coordinates are still moved behind the label
+        ("sinumerik", f"{POINT}TRANS X5\nL1:\nTRAORI\nG90 G54 T1\n{_FULL}", "", [FINE, KEPT]),
+        # states that have one value keep it behind a label
+        ("sinumerik", f"{POINT}L1:\n{_FULL}IF R1==1 GOTOB L1\n{_FULL}", "", [FINE] * 3),
+        # what a word calls may be anything
+        ("sinumerik", f"{POINT}OTHER\n{_FULL}", "", [FINE, KEPT]),
+        # coordinates beside the call of a work offset lead on
+        ("fanuc_gcode", f"G54.1 P3\n{POINT}G54.1 P3 X9.\nZ5.\n", "", [FINE] * 3),
+    ],
+)  # fmt: skip
+def test_what_a_point_left_alone_takes_over(
+    language: str, text: str, called: str, expected: list[Reason]
+) -> None:
+    files = [("a.nc", f"{HEAD[language]}{text}M30\n".encode())]
+    files += [("O9.nc", called.encode())] if called else []
+    program = find_language(language).read_job(files, frames=TABLE)[0]
+    assert program.reason.tolist() == expected
+
+
+def test_a_shift_below_a_call_in_a_loop() -> None:
+    loop = f"AGAIN:\nSUB1\nTRANS X5\n{POINT}IF R1==1 GOTOB AGAIN\n"
+    files = [("a.mpf", f"{HEAD['sinumerik']}{loop}M30\n".encode()), ("SUB1.spf", _FULL.encode())]
+    program = find_language("sinumerik").read_job(files, frames=TABLE)[1]
+    assert program.reason.tolist() == [Reason.UNKNOWN_FRAME]

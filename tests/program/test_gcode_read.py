@@ -197,9 +197,9 @@ def test_tools_come_from_the_cell() -> None:
         ("BSPLINE", "G1", Reason.EXPRESSION),
         ("L100", "G90 G17 G71 G40 G54 T1\nTRAORI CP ORIRPY\nTRANS\nG1", Reason.INCOMPLETE),
         ("DIAMON", "DIAMOF", Reason.UNKNOWN_FRAME),
-        ("IF R1>5 GOTOF A1", "", Reason.INCOMPLETE),
+        ("IF R1>5 GOTOF A1", "", Reason.NONE),
         ("HOME(1)", "", Reason.INCOMPLETE),
-        ("AGAIN:", "", Reason.INCOMPLETE),
+        ("AGAIN:", "", Reason.NONE),
     ],
 )
 def test_what_moves_the_coordinates_or_the_path(before: str, behind: str, reason: Reason) -> None:

@@ -12,7 +12,7 @@ import numpy as np
 from robotrue.core.arrays import Array, IntArray
 from robotrue.program.formats.gcode_kernels import NO_STATE, ODD, count_letters, read_blocks
 from robotrue.program.formats.gcode_vocabulary import (
-    UNCERTAIN,
+    OPEN,
     Modal,
     Vocabulary,
     WordColumn,
@@ -43,8 +43,12 @@ class Findings:
         groups: States that programs of the control can set.
         shifts: Coordinate shifts in force.
         moved: Those that may be in force, also behind calls and jumps.
+        ever_moved: Any is in force anywhere.
         breaks: Blocks behind which the modal state is uncertain, with whether any is ``moved``.
         jumps: Those of them that branch, repeat, or have a label.
+        entries: Blocks that jumps lead to.
+        anchors: Blocks that move coordinates by where the robot is.
+        rounds: Blocks that begin the program again if nothing has called it (M99).
         targets: Block numbers that are jumped to; -1 for one that is computed.
         words: (block, column, first byte, bytes, value); NaN and -1 for one that is computed.
         state: Settings by (block, group).
@@ -64,8 +68,12 @@ class Findings:
     groups: tuple[Modal, ...] = tuple(Modal)
     shifts: dict[str, bool] = field(default_factory=dict)
     moved: set[str] = field(default_factory=set)
+    ever_moved: bool = False
     breaks: list[tuple[int, bool]] = field(default_factory=list)
     jumps: list[int] = field(default_factory=list)
+    entries: list[int] = field(default_factory=list)
+    anchors: list[int] = field(default_factory=list)
+    rounds: list[int] = field(default_factory=list)
     targets: set[int] = field(default_factory=set)
     words: list[tuple[int, int, int, int, float]] = field(default_factory=list)
     state: dict[tuple[int, int], int] = field(default_factory=dict)
@@ -95,13 +103,14 @@ class Findings:
         self.breaks.append((block, bool(self.moved)))
         self.shifts = {CALLED: True} if CALLED in self.shifts else {}
         for group in self.groups:
-            self.state.setdefault((block, int(group)), UNCERTAIN)
+            self.state.setdefault((block, int(group)), OPEN)
         self.lost[block] = _EVERY
 
     def enter(self, block: int) -> None:
         """Discards it before a block that jumps lead to."""
+        self.entries.append(block)
         for group in self.groups:
-            self.state.setdefault((block, int(group)), UNCERTAIN)
+            self.state.setdefault((block, int(group)), OPEN)
         if block:
             self.lost[block - 1] = _EVERY
 
@@ -109,7 +118,10 @@ class Findings:
         """Records that coordinates are moved, turned or scaled in one way, or no longer."""
         self.shifts[kind] = on
         (self.moved.add if on else self.moved.discard)(kind)
-        self.set(block, Modal.SHIFTED, int(any(self.shifts.values())))
+        self.ever_moved |= on
+        behind = not self.moved.issubset(self.shifts)  # a call or jump, and not ended since
+        lasting = int(any(self.shifts.values()))
+        self.set(block, Modal.SHIFTED, lasting or (OPEN if behind else 0))
 
     def forget(self, block: int, columns: tuple[int, ...] = ALL) -> None:
         """Forgets columns when the block ends."""

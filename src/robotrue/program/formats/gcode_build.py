@@ -14,6 +14,7 @@ from robotrue.program.formats.gcode_arc_rows import ArcRows, arc_rows
 from robotrue.program.formats.gcode_arcs import ACROSS
 from robotrue.program.formats.gcode_blocks import Blocks
 from robotrue.program.formats.gcode_frames import GcodeFrames
+from robotrue.program.formats.gcode_jobs import list_starts
 from robotrue.program.formats.gcode_kernels import NO_STATE
 from robotrue.program.formats.gcode_state import (
     Epochs,
@@ -42,12 +43,9 @@ INCH: Final = 25.4 * MM
 _TURNS: Final = (WordColumn.A, WordColumn.AX)
 
 
-def build(blocks: Blocks, name: str, vocabulary: Vocabulary, frames: FrameTable) -> Program:
-    """Returns the program of scanned blocks."""
-    return _Builder(blocks, name, vocabulary, frames).program()
+class ProgramBuilder:
+    """One program of a job: its rows, and what others of the job mean for them."""
 
-
-class _Builder:
     def __init__(
         self, blocks: Blocks, name: str, vocabulary: Vocabulary, frames: FrameTable
     ) -> None:
@@ -61,6 +59,12 @@ class _Builder:
         self.words = Words(blocks, self.rows.block)
         self.notes = TargetNotes(name, self.rows.block + 1)
         self.frames = GcodeFrames(frames, name, blocks, vocabulary)
+        self.base, self.tool = self.frames.columns(self.rows.block, self.rows.force)
+        self.arcs = arc_rows(
+            self.rows, self.words, self.base, absolute=bool(self.vocabulary.signs[3])
+        )
+        self.stretch = np.zeros(len(self.rows.block) + 1, np.int64)
+        self._find_reasons()
 
     def _rows(self) -> Rows:
         blocks, force = self.blocks, self.force
@@ -160,27 +164,36 @@ class _Builder:
         joints = Numbers(start=start, length=length, value=printed)
         return joints, np.where(axes[:, None], printed, value)
 
-    def program(self) -> Program:
-        """Returns the program."""
-        rows, found = self.rows, self.blocks.findings
-        base, tool = self.frames.columns(rows.block, rows.force)
-        arcs = arc_rows(rows, self.words, base, absolute=bool(self.vocabulary.signs[3]))
-        reason = self._reasons(base, tool, arcs)
+    def _find_reasons(self) -> None:
+        """Finds the poses of all rows, and why some cannot be compensated."""
+        rows, arcs = self.rows, self.arcs
         table = arcs.spread
-        line = table.rows_of(rows.block) + 1
-        value = table.rows_of(rows.value)
-        turn, unit = table.rows_of(rows.turn), table.rows_of(rows.unit)
-        numbers = arcs.numbers(rows.numbers)
+        value, turn = table.rows_of(rows.value), table.rows_of(rows.turn)
         arcs.fill(value)
-        position, rotation, axes = poses(value, unit, turn, self.rule, line)
+        line = table.rows_of(rows.block) + 1
+        self.poses = poses(value, table.rows_of(rows.unit), turn, self.rule, line)
+        _, rotation, _ = self.poses
         arcs.turn_middles(rotation)
-        reason = table.rows_of(reason)
+        reason = table.rows_of(self._reasons(self.base, self.tool, arcs))
         known = np.isfinite(value).all(axis=1)
         known &= np.isfinite(rotation).all(axis=(1, 2)) | (turn == Turn.AXES)
         open_ = find_open(reason)
         reason[open_ & ~known] = Reason.INCOMPLETE
         self._tell_unknown(rows, open_[table.place] & ~known[table.place])
-        self._keep_inherited(reason, table.place)
+        self.value, self.reason = value, reason
+
+    def program(self, *, ends: bool, last: bool) -> Program:
+        """Returns the program.
+
+        Args:
+            ends: A point may take over words from the last points before calls and jumps.
+            last: Or from that of the program.
+        """
+        rows, found, reason = self.rows, self.blocks.findings, self.reason
+        arcs, table = self.arcs, self.arcs.spread
+        position, rotation, axes = self.poses
+        line = table.rows_of(rows.block) + 1
+        self._keep_inherited(reason, table.place, ends, ends and last)
         share_fate(reason, arcs.groups(reason))
         words, marks = self._status(table.count, table.place)
         self.notes.each(found.told, self.blocks.first)
@@ -191,33 +204,50 @@ class _Builder:
             motion=arcs.motion(self._motion()), reason=reason,
             words=words, words_of="kuka" if words.shape[1] else "",
             line=line,
-            frame=table.rows_of(base), tool=table.rows_of(tool),
+            frame=table.rows_of(self.base), tool=table.rows_of(self.tool),
             T_base_frame=self.frames.stack_matrices("base"),
             T_flange_tool=self.frames.stack_matrices("tool"),
             notes=(*self.frames.notes, *self.notes.notes()),
             noted=self.notes.on_lines(),
             path=self._moves(arcs),
             spans=PathWords(
-                numbers=numbers, value=value, unit=unit, turn=turn, skip=arcs.skip,
+                numbers=arcs.numbers(rows.numbers), value=self.value,
+                unit=table.rows_of(rows.unit), turn=table.rows_of(rows.turn), skip=arcs.skip,
                 at=arcs.behind(self._behind()), barred=self._bar_words(arcs),
                 names=self.vocabulary.names, blank=self._blank(), rule=self.rule,
                 arcs=arcs.plane, marks=marks,
             ),
         )  # fmt: skip
 
-    def _keep_inherited(self, reason: IntArray, place: IntArray) -> None:
-        """Leaves alone, in place, the last point before one that would inherit its correction.
+    def continues_others(self, calls: set[int]) -> bool:
+        """Returns whether a point takes over words from one that is not before it in the text.
+
+        Args:
+            calls: Blocks that call programs of the job.
+        """
+        found, block = self.blocks.findings, self.rows.block
+        starts = list_starts(self.blocks)
+        inside = [each for each, _ in found.breaks] if starts else []
+        behind = (each + 1 for each in (*found.jumps, *calls, *inside))
+        seams = sorted({*found.entries, *starts, *behind})
+        self.stretch = np.searchsorted(seams, [*block, len(self.blocks.first)], side="right")
+        heirs, before = self._find_heirs()
+        anchors = np.searchsorted(seams, found.anchors, side="right")
+        own = np.append(self.stretch[heirs[: len(heirs) - len(anchors)]], anchors)
+        donor = before[1, heirs]
+        return bool(((donor < 0) | (self.stretch[donor] != own)).any())
+
+    def _find_heirs(self) -> tuple[IntArray, IntArray]:
+        """Returns the rows (h,) that take over a correction, and the rows before all (2, m + 1).
+
+        The second of those are the ones that no switch skips. Last among the heirs are the rows
+        behind coordinates that are moved by where the robot is.
 
         A point left alone gets its omitted words with their old values, so that it stays unchanged.
         Where none can be inserted, or their values are not known, the point they come from must not
-        move. A relative point continues from the command before it.
-
-        Args:
-            reason: (n,) of all rows.
-            place: (m,) row of every block with a move.
+        move. A relative point continues from the command before it, a cycle from its height.
         """
-        rows, own = self.rows, reason[place]
-        left = ~find_open(own)
+        rows, own = self.rows, self.reason[self.arcs.spread.place]
         told = self.words.numbers((WordColumn.X, WordColumn.Y, WordColumn.Z))
         angles = self.words.numbers((WordColumn.A, WordColumn.B, WordColumn.C))[1]
         vector = self.words.numbers((WordColumn.AX, WordColumn.AY, WordColumn.AZ))[1]
@@ -225,12 +255,34 @@ class _Builder:
         mixed = relative & (rows.force[:, Modal.RELATIVE] == 0) & (told[0].start >= 0).any(axis=1)
         turns = np.isin(rows.turn, (Turn.ANGLES, Turn.VECTOR))[:, None]
         lacking = np.concatenate([~told[1], turns & ~(angles | vector)], axis=1)
+        lacking |= (rows.force[:, Modal.MOTION] == Drive.CYCLE)[:, None]
         lost = (self._behind() < 0)[:, None] | np.isnan(rows.value)
-        heir = left & ~relative & (rows.turn != Turn.AXES) & (lacking & lost).any(axis=1)
+        heir = ~find_open(own) & ~relative & (rows.turn != Turn.AXES) & (lacking & lost).any(axis=1)
         fixed = np.where(relative & ~mixed, -1, np.arange(len(own)))
-        donor = np.maximum.accumulate(np.concatenate([[-1], fixed]))[:-1]
-        donor = donor[(heir | mixed) & (donor >= 0)]
-        donor = np.unique(donor[own[donor] == Reason.NONE])
+        flags = self.blocks.findings.flags
+        skipped = [block for block, why in flags.items() if why == Reason.INCOMPLETE]
+        sure = np.where(np.isin(rows.block, skipped), -1, fixed)
+        before = np.pad(np.stack([fixed, sure]), ((0, 0), (1, 0)), constant_values=-1)
+        anchors = np.searchsorted(rows.block, self.blocks.findings.anchors)
+        heirs = np.append(np.flatnonzero(heir | mixed), anchors).astype(np.int64)
+        return heirs, np.maximum.accumulate(before, axis=1)
+
+    def _keep_inherited(self, reason: IntArray, place: IntArray, ends: bool, last: bool) -> None:
+        """Leaves alone, in place, the last point before one that would inherit its correction.
+
+        Args:
+            reason: (n,) of all rows.
+            place: (m,) row of every block with a move.
+            ends: Those before calls and jumps, too.
+            last: And that of the program.
+        """
+        own = reason[place]
+        heirs, before = self._find_heirs()
+        ends_here = self.stretch[1:] != self.stretch[:-1]
+        ends_here[-1:] |= last
+        donor = np.append(before[:, heirs], before[:, 1:][:, ends_here & ends])
+        donor = donor[donor >= 0]
+        donor = np.unique(donor[find_open(own[donor])])
         which = np.zeros(len(own), np.bool_)
         which[donor] = True
         reason[place[donor]] = Reason.INCOMPLETE

@@ -101,6 +101,10 @@ class GcodeFrames(NumberedFrames):
                     return self.number("base", f"{name} of line {block + 1}", line)
                 what = f"{name} is set in line {block + 1} in a way that is not read"
                 return self.unknown("base", what, line, "write it as CTRANS(..):CROT(..)")
+        for block, named, _ in self._blocks.findings.frames[version:]:
+            if named == name:
+                what = f"{name} is set in line {block + 1}, and stays so for the next run"
+                return self.unknown("base", what, line, "set it before it is called")
         if setting == UNCERTAIN:
             what = "is not certain behind a call, a label or a jump"
             return self.unknown("base", what, line, "call it again there")

@@ -12,7 +12,7 @@ from robotrue.core.arrays import IntArray
 from robotrue.program.formats.gcode_blocks import Blocks
 from robotrue.program.formats.gcode_kernels import NO_STATE
 from robotrue.program.formats.gcode_state import in_force, stated_column
-from robotrue.program.formats.gcode_vocabulary import NAMED, UNCERTAIN, Modal
+from robotrue.program.formats.gcode_vocabulary import NAMED, OPEN, UNCERTAIN, Modal
 from robotrue.program.formats.numbered_frames import list_changed_frames
 
 Files = Sequence[tuple[str, bytes]]
@@ -26,14 +26,15 @@ _NUMBER: Final = re.compile(rb"(?im)^[ \t]*O0*(\d{1,8})\b")
 
 def list_changed_offsets(files: Files) -> list[Mapping[tuple[str, str], str]]:
     """Returns for each program what the others change of the control's zero offsets."""
-    own = [list_changed_frames([each], (b"G10", b"$P_UIFR"), _list_offsets) for each in files]
+    own = [list_changed_frames([each], (b"G10", b"$P_UIFR"), list_offsets) for each in files]
     return [
         {key: what for n, each in enumerate(own) if n != k for key, what in each.items()}
         for k in range(len(files))
     ]
 
 
-def _list_offsets(line: bytes) -> list[tuple[str, str]]:
+def list_offsets(line: bytes) -> list[tuple[str, str]]:
+    """Returns side and name of the zero offsets that a block sets."""
     text = line.partition(b";")[0]
     out = []
     for kind, number in _OFFSET.findall(text):
@@ -56,16 +57,43 @@ class Call(NamedTuple):
 
 
 def list_calls(files: Files, found: Sequence[Blocks]) -> list[Call]:
-    """Returns which programs of a job may call which others."""
-    patterns = [_pattern(*each) for each in files]
-    return [
-        Call(k, block, moved, each)
+    """Returns which programs of a job may call which others, or begin again moved."""
+    patterns = [_pattern(*each) for each in files] if len(files) > 1 else []
+    out = [
+        Call(k, block, moved or _moves_in_turns(blocks), each)
         for k, blocks in enumerate(found)
         for block, moved in blocks.findings.breaks
         for each, pattern in enumerate(patterns)
         if each != k
         and pattern.search(blocks.data, int(blocks.first[block]), int(blocks.end[block]))
     ]
+    called = {call.called for call in out}
+    return out + [
+        Call(k, block, moved, k)
+        for k, blocks in enumerate(found)
+        for block, moved in blocks.findings.breaks
+        if moved and k not in called and block in blocks.findings.rounds
+    ]
+
+
+def _moves_in_turns(blocks: Blocks) -> bool:
+    """Returns whether a shift below a block may be in force there, since the program jumps."""
+    return bool(blocks.findings.jumps) and blocks.findings.ever_moved
+
+
+def list_starts(blocks: Blocks) -> list[int]:
+    """Returns the blocks where programs behind the first one of a file begin."""
+    places = [match.start() for match in _NUMBER.finditer(blocks.data)][1:]
+    return [int(row) - 1 for row in np.searchsorted(blocks.first, places, side="right")]
+
+
+def list_groups(count: int, calls: Sequence[Call]) -> list[int]:
+    """Returns a number for each program of a job; of those that call each other the same."""
+    out = list(range(count))
+    for call in calls:
+        one, other = out[call.caller], out[call.called]
+        out = [one if each == other else each for each in out]
+    return out
 
 
 def list_shifted_calls(
@@ -89,12 +117,75 @@ def list_shifted_calls(
     return out
 
 
+def settle_states(found: Sequence[Blocks], calls: Sequence[Call], *, every: bool) -> None:
+    """Makes states behind calls and jumps uncertain, or certain where no other value is ever set.
+
+    That is: by the program, by those it calls, and, unless it sets the state before its first call
+    or jump, by those that call it.
+
+    Args:
+        found: The programs of a job.
+        calls: What they call.
+        every: All are uncertain.
+    """
+    called = {call.called for call in calls}
+    lost = [every or _calls_others(blocks, k, calls) for k, blocks in enumerate(found)]
+    for group in Modal:
+        through = [
+            _list_values(blocks, group) | ({UNCERTAIN} if lost[k] else set())
+            for k, blocks in enumerate(found)
+        ]
+        sure = [_states_first(blocks.state[:, group]) for blocks in found]
+        entry: list[set[int | str]] = [set() if k in called else {0} for k in range(len(found))]
+        for _ in found:
+            for call in calls:
+                through[call.caller] |= through[call.called]
+        for _ in found:
+            for call in calls:
+                entry[call.called] |= through[call.caller] | entry[call.caller]
+        for k, blocks in enumerate(found):
+            values = through[k] | (set() if sure[k] else entry[k])
+            column = blocks.state[:, group]
+            one = len(values) == 1 and UNCERTAIN not in values
+            column[column == OPEN] = NO_STATE if one else UNCERTAIN
+
+
+def _calls_others(blocks: Blocks, place: int, calls: Sequence[Call]) -> bool:
+    """Returns whether a program calls what is not in the job, or may do so."""
+    known = {call.block for call in calls if call.caller == place}
+    known.update(blocks.findings.jumps, blocks.findings.rounds)
+    return any(block not in known for block, _ in blocks.findings.breaks)
+
+
+def _states_first(column: IntArray) -> bool:
+    """Returns whether a state is set before it may be another."""
+    stated = np.flatnonzero(column != NO_STATE)
+    return bool(len(stated)) and column[stated[0]] != OPEN
+
+
+def _list_values(blocks: Blocks, group: Modal) -> set[int | str]:
+    """Returns the values that a program gives a state, those with a name by it."""
+    found, column = blocks.findings, blocks.state[:, group]
+    out: set[int | str] = set()
+    for value in np.unique(column[(column != NO_STATE) & (column != OPEN)]).tolist():
+        if group == Modal.TOOL and value > 0:
+            out.add(found.names[value - 1])
+        else:
+            out.add(found.names[NAMED - value] if value <= NAMED else value)
+    if group == Modal.SHIFTED and any(any(zero) for *_, zero in found.local):
+        out.add(1)  # stays in force when another work offset is called
+    if group == Modal.FRAME and found.frames:
+        out.add(UNCERTAIN)  # one name, and two frames
+    return out
+
+
 def carry_states(files: Files, found: Sequence[Blocks], calls: Sequence[Call]) -> None:
     """Enters in the first block of called programs what is in force where they are called.
 
     A state that differs between calls is uncertain there, and a sentence is added.
     """
     first = [blocks.state[0].copy() for blocks in found]
+    calls = [call for call in calls if call.caller != call.called]
     entered: dict[tuple[int, Modal], dict[int, Call]] = {}
     for _ in files:  # a called program may call others
         before, entered = entered, {}

@@ -15,13 +15,29 @@ from robotrue.core.arrays import Array
 from robotrue.core.poses import pose
 from robotrue.core.rotations import matrix_from_abc
 from robotrue.core.units import DEG, MM
-from robotrue.program.formats.gcode_blocks import POINT, Findings
+from robotrue.program.formats.gcode_blocks import ALL, POINT, Findings
+from robotrue.program.formats.gcode_jobs import list_offsets
+from robotrue.program.formats.gcode_keywords import (
+    CALLS,
+    CANCELS,
+    CYCLES,
+    DRIVES,
+    ENDING,
+    HOMES,
+    MACHINE,
+    MOVING,
+    OWN_MOVES,
+    QUIET,
+    QUIET_CODES,
+    SETS,
+    SHIFTS,
+)
 from robotrue.program.formats.gcode_vocabulary import (
     NAMED,
     UNCERTAIN,
-    Drive,
     Modal,
     Vocabulary,
+    WordColumn,
     address_table,
 )
 from robotrue.program.formats.number_text import WHOLE_NUMBER
@@ -57,64 +73,6 @@ _LOCAL_ZERO: Final = re.compile(
 _POSITION: Final = re.compile(rb"[XYZ]")
 _PRESET: Final = re.compile(rb"P(\d{1,3})")
 _BASED: Final = re.compile(rb"'(?:B([01]{1,40})|H([0-9A-F]{1,10}))'")
-
-_QUIET: Final = frozenset(
-    b"ORIVECT ORIWKS ORIAXES ORIVIRT1 ORIVIRT2 ORIPLANE STOPRE FFWON FFWOF SOFT BRISK DRIVE "
-    b"COMPCAD COMPCURV COMPON COMPSURF COMPOF UPATH SPATH SPCON SPCOF MSG FIFOCTRL STARTFIFO "
-    b"STOPFIFO CFC CFTCP CFIN FNORM FLIN FCUB FGROUP CYCLE832 CYCLE_HSC ADIS ADISPOS WALIMON "
-    b"WALIMOF DEF EXTERN PROC DISPLOF DISPLON SAVE SBLOF SBLON G290 WAITM SETM CLEARM ACC "
-    b"FGREF DYNNORM DYNPOS DYNROUGH DYNSEMIFIN DYNFINISH RTLION RTLIOF OSC OSSE OSOF OSS OST "
-    b"CUT2D CUT2DF CUT3DC CUT3DF NORM KONT WRTPR ORISON ORISOF OTOL CTOL RET BLSYNC "
-    b"WORKPIECE GROUP_BEGIN GROUP_END GETD GET RELEASE AND OR LIMS DELAYFSTON "
-    b"DELAYFSTOF PRIO".split()
-)
-"""Keywords that do not concern positions."""
-_SHIFTS: Final = {
-    **dict.fromkeys(
-        b"TRANS ATRANS ROT AROT ROTS AROTS CROTS RPL SCALE ASCALE MIRROR AMIRROR".split(), "program"
-    ),
-    b"CYCLE800": "swivel", b"TOROT": "tool frame", b"TOFRAME": "tool frame", b"PAROT": "part",
-    b"TRANSMIT": "transformation", b"TRACYL": "transformation", b"TRAANG": "transformation",
-    b"MEAFRAME": "measured", b"ORIRESET": "machine", b"DIAMON": "diameter", b"DIAM90": "diameter",
-}  # fmt: skip
-"""Keywords that move, turn or scale coordinates, each in its own way."""
-_CANCELS: Final = {
-    **dict.fromkeys(b"TRANS ROT ROTS SCALE MIRROR".split(), "program"),
-    b"CYCLE800": "swivel", b"TOROTOF": "tool frame", b"PAROTOF": "part", b"DIAMOF": "diameter",
-}  # fmt: skip
-"""Keywords that end one of these shifts when they are alone."""
-_DRIVES: Final = {
-    b"CIP": Drive.THROUGH,
-    **dict.fromkeys((b"CT", b"INVCW", b"INVCCW", b"POLY", b"ASPLINE", b"BSPLINE", b"CSPLINE"),
-                    Drive.OTHER),
-}  # fmt: skip
-_OWN_MOVES: Final = (b"CYCLE", b"POCKET", b"HOLES", b"SLOT", b"LONGHOLE", b"MCALL")
-_SETS: Final = {
-    b"TRAORI": (Modal.TIP, 1), b"TRAFOOF": (Modal.TIP, 0), b"PTP": (Modal.AXIS_WISE, 1),
-    b"PTPG0": (Modal.AXIS_WISE, UNCERTAIN), b"CP": (Modal.AXIS_WISE, 0),
-    b"ORIRPY": (Modal.ANGLES, 1), b"ORIEULER": (Modal.ANGLES, 2), b"ORIRPY2": (Modal.ANGLES, 2),
-    b"ORIMKS": (Modal.ANGLES, 2), b"CUT3D": (Modal.SIDEWAYS, 1),
-}  # fmt: skip
-_MACHINE: Final = ("G53", "G153")
-_HOMES: Final = ("G28", "G30", "G74", "G75", "G27", "M6")
-_MOVING: Final = {
-    **dict.fromkeys(("G10", "G50", "G92", "G92.1"), "zero"), "G52": "local", "G51": "scale",
-    **dict.fromkeys(("G68", "G68.2", "G68.3", "G68.4", "G53.1"), "rotation"), "G16": "polar",
-    **dict.fromkeys(("G54.2", "G54.4"), "table"), "G51.1": "mirror", "G58": "program",
-    "G59": "program", "G254": "dynamic offset",
-}  # fmt: skip
-"""Codes that move, turn or scale coordinates."""
-_ENDING: Final = {
-    "G69": "rotation",
-    "G255": "dynamic offset",
-    "G50": "scale",
-    "G50.1": "mirror",
-    "G15": "polar",
-}
-"""Codes that end one of these shifts when they have no coordinate."""
-_CALLS: Final = ("G65", "G66", "G66.1", "M98", "M198", "M99")
-_QUIET_CODES: Final = ("G4", "G5", "G5.1", "G7.1", "G11", "G13")
-"""Codes whose further words are no coordinates."""
 
 
 class OddReader:
@@ -160,11 +118,14 @@ class OddReader:
         self.found.flag(block, Reason.INCOMPLETE)
         self.found.told.append((first, "a block with / may be skipped"))
         self.found.silent |= inner.silent
-        columns = tuple({word[1] for word in inner.words} | set(inner.lost.get(block, ())))
-        self.found.forget(block, columns)
+        columns = {word[1] for word in inner.words} | set(inner.lost.get(block, ()))
+        if columns.intersection(ALL[len(POINT) :]):  # an orientation is known as a whole
+            columns.update(ALL[len(POINT) :])
+        self.found.forget(block, tuple(columns))
         if inner.shifts:
             self.found.shifts["skipped"] = True
             self.found.moved.add("skipped")
+            self.found.ever_moved = True
         for _, group in inner.state:
             self.found.state[block, group] = UNCERTAIN
 
@@ -269,6 +230,8 @@ class _Block:
         if column is not None:
             if column >= 0:
                 self._word(column, start, end, value)
+            if WordColumn.J1 <= column <= WordColumn.J6:  # where that is, nobody has stated
+                self._out.forget(self._block)
             return
         frame = _FRAME.match(name)
         if frame:
@@ -340,31 +303,37 @@ class _Block:
         if known is not None:
             if known[0] >= 0:
                 self._out.state[self._block, known[0]] = known[1]
-        elif code in _MACHINE:
+        elif code in MACHINE:
             self._machine()
-        elif code in _HOMES:
+        elif code in HOMES:
             self._quiet |= code != "M6"
             self._out.forget(self._block)
             if code == "M6":
                 self._out.changes.append(self._block)
-        elif code in _QUIET_CODES:
+        elif code in QUIET_CODES:
             self._quiet = True
         elif code == "G54.1" and self._vocabulary.name == "fanuc_gcode":
             match = self._anywhere(_PRESET)
             named = self._out.name(f"G54.1 P{int(match[1])}" if match else "G54.1")
             self._out.set(self._block, Modal.FRAME, NAMED - named)
-            self._quiet = True
-        elif code in _ENDING and not self._anywhere(_POSITION):
-            self._out.shift(self._block, _ENDING[code], False)
+        elif code in ENDING and not self._anywhere(_POSITION):
+            self._out.shift(self._block, ENDING[code], False)
             self._out.forget(self._block)
         elif code == "G52" and self._set_local_zero():
             return
-        elif code in _MOVING:
+        elif code in MOVING:
+            if code == "G10":
+                for _, offset in list_offsets(self._text):
+                    self._out.frames.append((self._block, offset, None))
             self._quiet = True
+            if code == "G92":
+                self._out.anchors.append(self._block)
             self._tell(f"{code} moves or turns the coordinates")
-            self._out.shift(self._block, _MOVING[code], True)
+            self._out.shift(self._block, MOVING[code], True)
             self._out.forget(self._block)
-        elif code in _CALLS:
+        elif code in ("G66", "G66.1", "G67"):
+            self._call_at_points(code, "" if code == "G67" else "P")
+        elif code in CALLS:
             self._call(code)
         else:
             self._tell(f"{code} is not known here")
@@ -385,15 +354,33 @@ class _Block:
         self._out.shift(self._block, "local", False)
         if any((x, y, z)):  # a work frame here, but not in a program that is called
             self._out.moved.add("local")
+            self._out.ever_moved = True
         self._out.forget(self._block, POINT)  # the angles are about the same axes
         self._quiet, self._at = True, len(self._text)
         return True
 
     def _call(self, what: str) -> None:
-        if what != "M99":
+        if what == "M99":
+            self._out.rounds.append(self._block)
+        else:
             self._tell(f"{what} calls another program: the modal state after it is uncertain")
-        self._quiet = True
+        # beside M98 coordinates are a move, beside G65 arguments
+        self._quiet |= what not in ("M98", "M198")
         self._out.barrier(self._block)
+
+    def _call_at_points(self, what: str, called: str) -> None:
+        """Takes what is called behind every point from here on: a cycle, a program, or nothing."""
+        on = "cycle" if called.startswith(CYCLES) else "program"
+        for kind in ("cycle", "program"):
+            named = f"{kind} at points"
+            if kind == "program" and (named in self._out.moved or (called and on == kind)):
+                self._out.moved.add(named)
+                self._out.barrier(self._block)
+            self._out.shift(self._block, named, bool(called) and on == kind)
+        if called:
+            self._tell(f"{what} makes its own moves at every point")
+        self._out.forget(self._block)
+        self._quiet, self._at = True, len(self._text)
 
     def _machine(self) -> None:
         self._tell("coordinates of the machine")
@@ -426,26 +413,28 @@ class _Block:
             return False
         word, arguments = match[1], match[2]
         self._at = match.end()
-        if word in _SETS:
-            group, value = _SETS[word]
+        if word in SETS:
+            group, value = SETS[word]
             self._out.set(self._block, group, value)
             if group == Modal.TIP:
                 self._out.shift(self._block, "transformation", False)
                 self._out.forget(self._block)
-        elif word in _DRIVES:
-            self._out.set(self._block, Modal.MOTION, _DRIVES[word])
+        elif word in DRIVES:
+            self._out.set(self._block, Modal.MOTION, DRIVES[word])
         elif word == b"SUPA":
             self._machine()
-        elif word in _SHIFTS or word in _CANCELS:
+        elif word in SHIFTS or word in CANCELS:
             self._shift(word, arguments)
-        elif word.startswith(_OWN_MOVES) and word not in _QUIET:
+        elif word == b"MCALL":
+            self._call_at_points("MCALL", self._text[self._at :].strip().decode("latin-1"))
+        elif word.startswith(OWN_MOVES) and word not in QUIET:
             self._tell(f"{word.decode('latin-1')} makes its own moves")
             self._quiet = True
             self._out.forget(self._block)
             self._at = len(self._text)
         elif word in (b"DEF", b"EXTERN", b"PROC", b"MSG", b"FGROUP", b"WORKPIECE"):
             self._quiet, self._at = True, len(self._text)
-        elif word not in _QUIET:
+        elif word not in QUIET:
             self._tell(f"{word.decode('latin-1')} may call or skip anything: the modal state "
                 "after it is uncertain")  # fmt: skip
             self._quiet, self._at = True, len(self._text)
@@ -459,10 +448,10 @@ class _Block:
 
     def _shift(self, word: bytes, arguments: bytes | None) -> None:
         rest = (arguments or b"").strip(b"() \t") + self._text[self._at :].strip()
-        if not rest and word in _CANCELS:
-            self._out.shift(self._block, _CANCELS[word], False)
+        if not rest and word in CANCELS:
+            self._out.shift(self._block, CANCELS[word], False)
         else:
-            kind = _SHIFTS.get(word) or _CANCELS[word]
+            kind = SHIFTS.get(word) or CANCELS[word]
             self._tell(f"{word.decode()} moves, turns or scales the coordinates")
             self._out.shift(self._block, kind, True)
         self._out.forget(self._block)

@@ -7,12 +7,15 @@ from dataclasses import replace
 
 from robotrue.errors import FormatError
 from robotrue.program.formats.gcode_blocks import CALLED, Blocks, Findings, Take, scan_blocks
-from robotrue.program.formats.gcode_build import build
+from robotrue.program.formats.gcode_build import ProgramBuilder
 from robotrue.program.formats.gcode_jobs import (
+    Call,
     carry_states,
     list_calls,
     list_changed_offsets,
+    list_groups,
     list_shifted_calls,
+    settle_states,
 )
 from robotrue.program.formats.gcode_odd import OddReader
 from robotrue.program.formats.gcode_vocabulary import HEIDENHAIN, Vocabulary
@@ -31,15 +34,31 @@ def read_gcode(
             ``BEGIN PGM``, or ``END PGM`` (cut off).
     """
     found = [_scan(data, name, vocabulary, "") for name, data in files]
-    if len(files) > 1:
-        calls = list_calls(files, found)
-        for k, why in list_shifted_calls(files, found, calls).items():
-            found[k] = _scan(files[k][1], files[k][0], vocabulary, why)
-        carry_states(files, found, calls)
+    calls = list_calls(files, found)
+    for k, why in list_shifted_calls(files, found, calls).items():
+        found[k] = _scan(files[k][1], files[k][0], vocabulary, why)
+    settle_states(found, calls, every=vocabulary is HEIDENHAIN)
+    carry_states(files, found, calls)
     tables = [replace(frames, changed_frames=each) for each in list_changed_offsets(files)]
+    builders = [
+        ProgramBuilder(blocks, name, vocabulary, table)
+        for blocks, (name, _), table in zip(found, files, tables, strict=True)
+    ]
+    return _build_all(builders, calls)
+
+
+def _build_all(builders: Sequence[ProgramBuilder], calls: Sequence[Call]) -> tuple[Program, ...]:
+    """Returns the programs; a point of one may take over words from another that it calls."""
+    groups = list_groups(len(builders), calls)
+    handing = {
+        group
+        for k, (builder, group) in enumerate(zip(builders, groups, strict=True))
+        if builder.continues_others({call.block for call in calls if call.caller == k})
+    }
+    called = {call.called for call in calls}
     return tuple(
-        build(blocks, name, vocabulary, table)
-        for (name, _), blocks, table in zip(files, found, tables, strict=True)
+        builder.program(ends=group in handing, last=k in called)
+        for k, (builder, group) in enumerate(zip(builders, groups, strict=True))
     )
 
 

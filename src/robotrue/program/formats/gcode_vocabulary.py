@@ -20,6 +20,8 @@ from robotrue.program.formats.gcode_kernels import CODES, INDICES
 UNCERTAIN: Final = -1
 """A state that cannot be known: a jump, a call or a skipped block lies before."""
 
+OPEN: Final = -3
+"""A state behind a call or a jump, as scanned: uncertain unless only one value is ever set."""
 
 NAMED: Final = -10
 """Work frames from here down are names that the slow reader met."""
@@ -206,7 +208,7 @@ FANUC: Final = Vocabulary(
         "G90.1": (Modal.CENTRE, 1), "G91.1": (Modal.CENTRE, 0),
         "G33": (Modal.MOTION, Drive.OTHER), "G80": (Modal.MOTION, UNCERTAIN),
         **_each("G", (73, 74, 76, *range(81, 90)), (Modal.MOTION, Drive.CYCLE)),
-        **_each("G", (5, 5.1, 8, 9, 25, 61, 61.1, 64, 67, 98, 99, 13.1), NOTHING),
+        **_each("G", (5, 5.1, 8, 9, 25, 61, 61.1, 64, 98, 99, 13.1), NOTHING),
         **_each("M", _QUIET_M, NOTHING),
     },
     signs=(59, 40, 41, 0),
