@@ -53,6 +53,9 @@ def tools(program: Program) -> list[float]:
         ("DEF p()/BAS(#BASE,4)/b()/END/DEF a()/P!/END/DEF b()/a()/END", [4]),
         ("DEF p()/BAS(#BASE,4)/a()/P!/END/DEF a()/P!/IF x THEN/a()/ENDIF/P!/END", [4, 4, 4]),
         ("DEF p()/BAS(#BASE,1)/x=f(1)/P!/END/DEFFCT INT f(a:IN)/BAS(#BASE,2)/RETURN 1/ENDFCT", [2]),
+        # One in the condition of a loop begins with what the turn before has left.
+        ("DEF p()/BAS(#BASE,1)/WHILE f()/BAS(#BASE,2)/ENDWHILE/END/"
+         "DEFFCT BOOL f()/P!/RETURN TRUE/ENDFCT", [None]),
         # RETURN on one way.
         ("DEF p()/BAS(#BASE,1)/s()/P!/END/DEF s()/IF x THEN/RETURN/ENDIF/BAS(#BASE,2)/END", [None]),
         # GOTO, forward and backward, with equal and with different frames.

@@ -102,6 +102,26 @@ def test_a_thread_that_changes_the_tool_is_told() -> None:
     assert any("the thread t changes the tool" in note for note in program.notes)
 
 
+@pytest.mark.parametrize(
+    ("body", "z_mm"),
+    [
+        ("if f():\nM\nelse:\nM\nend\nM", [200, 200, 200]),
+        ("if x:\nM\nelif f():\nM\nelse:\nM\nend\nM", [0, 200, 200, None]),
+        ("while f():\nM\nset_tcp(p[0,0,0,0,0,0])\nend\n", [200]),
+        ("if x and f():\nM\nend\nM", [None, None]),  # not called where it does not decide
+    ],
+)
+def test_functions_in_conditions_set_the_tool_on_all_ways(
+    body: str, z_mm: list[int | None]
+) -> None:
+    text = f"set_tcp(p[0,0,0,0,0,0])\n{body}".replace("M", f"movel({P})")
+    function = "def f():\n  set_tcp(p[0,0,0.2,0,0,0])\n  return True\nend\n"
+    program = read(f"{function}def part():\n{text}\nend\npart()\n")
+    z = program.T_flange_tool[program.tool][:, 2, 3] * 1e3
+    unknown = program.reason == UNKNOWN
+    assert [None if lost else round(a) for lost, a in zip(unknown, z.tolist(), strict=True)] == z_mm
+
+
 def test_frames() -> None:
     frame = "p[1.0,2.0,0.0,0.0,0.0,1.5707963]"
     program = script(f"movel(pose_trans({frame}, {P}))\nf = {frame}\nmovej(pose_trans(f,{P}),a=1)")

@@ -1,9 +1,7 @@
 """Reaching definitions: the settings in force at each place of a program, over all its paths.
 
-A walk through the statements builds the control-flow graph: a node wherever paths divide or join
-and wherever a routine is called. Places are numbers that grow from statement to statement. A
-setting at a place has a *version*; each variable has a separate data flow, iterated to its fixed
-point, in which a routine is summarised by its effect on the incoming version.
+A setting at a place of the graph has a *version*; each variable has a separate data flow, iterated
+to its fixed point, in which a routine is summarised by its effect on the incoming version.
 """
 
 from __future__ import annotations
@@ -16,6 +14,7 @@ import numpy as np
 
 from robotrue.core.arrays import IntArray
 from robotrue.program.formats.expression import NotConstantError
+from robotrue.program.formats.flow_graph import FlowGraph
 
 DIFFERS: Final = -1
 """Version of what differs between the ways that lead to a place."""
@@ -26,7 +25,6 @@ AS_FOUND: Final = -2
 """Mark of the version in force where the routine was called."""
 _JOINED: Final = -3
 """``-3 - node``: mark of different versions that join at a node."""
-_NO_WAY: Final = "is unknown: no path through the program leads here"
 
 
 class Reaching(NamedTuple):
@@ -51,155 +49,16 @@ class Reaching(NamedTuple):
     version: IntArray
 
 
-class ControlFlow:
-    """The graph, drawn statement by statement, and what is set on its way.
-
-    Args:
-        mains: How many of the routines begin with the program even if they are called from within.
-
-    Attributes:
-        barriers: Grows with every statement that is more than a plain one.
-    """
+class ControlFlow(FlowGraph):
+    """The graph, and which version of each thing is in force at its places."""
 
     def __init__(self, mains: int = 0) -> None:
-        self.barriers = 0
-        self._mains = mains
-        self._place: list[int] = []
-        self._what: list[str] = []
-        self._before: list[list[int]] = []
-        self._calls: list[tuple[str, ...]] = []
-        self._routine: list[int] = []
-        self._at = -1
-        self._names: dict[str, int] = {}
-        self._first: list[int] = []
-        self._last: list[list[int]] = []
-        self._branches: list[tuple[int, list[int], bool, bool]] = []
-        self._loops: list[tuple[int, list[int]]] = []
-        self._labels: dict[tuple[int, str], int] = {}
-        self._jumps: list[tuple[int, int, str]] = []
-        self._handlers: set[str] = set()
-        self._resumes = False
+        super().__init__(mains)
         self._cut_short: Collection[int] = ()
         self._drawn = -1
-        self._sets: dict[Hashable, list[tuple[int, int]]] = defaultdict(list)
         self._solved: dict[Hashable, Reaching] = {}
         self._within: dict[Hashable, Reaching] = {}
         self._looked_at = 0
-        self.start(0, "\0 before all")
-
-    def __len__(self) -> int:
-        return len(self._place)
-
-    # Drawing
-
-    def _add(self, at: int, before: Iterable[int], what: str = "") -> int:
-        self.barriers += 1
-        self._place.append(at)
-        self._what.append(what or "depends on which branch ran")
-        self._before.append([node for node in before if node >= 0])
-        self._calls.append(())
-        self._routine.append(len(self._first) - 1)
-        self._at = len(self._place) - 1
-        return self._at
-
-    def start(self, at: int, name: str, *, handler: bool = False) -> None:
-        """Begins a routine; the one before ends here. A handler may start at any place."""
-        self._leave()
-        self._first.append(len(self._place))
-        self._last.append([])
-        self._names[name] = len(self._first) - 1
-        self._branches, self._loops = [], []
-        self._add(at, (), "differs between the calls of this subprogram")
-        if handler:
-            self.handler(name)
-
-    def handler(self, name: str) -> None:
-        """Names a routine that an interrupt or trigger may start at any place."""
-        self._handlers.add(name)
-
-    def resume(self) -> None:
-        """The program has RESUME: a routine may be left at any place."""
-        self._resumes = True
-
-    def set(self, at: int, key: Hashable, version: int) -> None:
-        """Gives a thing a version (>= 0; 0 is what it was at first) from a place on."""
-        self._sets[key].append((at, version))
-
-    def call(self, at: int, names: Iterable[str]) -> int:
-        """Passes through other routines, of this program or not; returns the node."""
-        node = self._add(at, [self._at], "depends on the path through a called subprogram")
-        self._calls[node] = tuple(names)
-        return node
-
-    def branch(self, at: int, *, opens: bool) -> None:
-        """IF (which opens its first alternative at once), SWITCH and TEST."""
-        entry = self._add(at, [self._at])
-        self._branches.append((entry, [], False, opens))
-        self._add(at, [entry])
-
-    def alternative(self, at: int, *, other: bool) -> None:
-        """ELSE and DEFAULT (``other``: taken if nothing else is), ELSEIF and CASE."""
-        self.barriers += 1
-        if self._branches:
-            entry, ends, is_complete, is_open = self._branches.pop()
-            if is_open:
-                ends.append(self._at)
-            self._branches.append((entry, ends, is_complete or other, True))
-            self._add(at, [entry])
-
-    @property
-    def in_branch(self) -> bool:
-        """Returns whether the statement being read runs on one of several ways."""
-        return bool(self._branches)
-
-    def join(self, at: int) -> None:
-        """End of a branch."""
-        self.barriers += 1
-        if self._branches:
-            entry, ends, is_complete, _ = self._branches.pop()
-            self._add(at, [*ends, self._at, *([] if is_complete else [entry])])
-
-    def loop(self, at: int) -> None:
-        """Head of a loop."""
-        head = self._add(at, [self._at], "differs between the first and later turns of a loop")
-        self._loops.append((head, []))
-        self._add(at, [head])
-
-    def close_loop(self, at: int) -> None:
-        """End of a loop: back to the head, or on; an interrupt leaves any."""
-        self.barriers += 1
-        if self._loops:
-            head, exits = self._loops.pop()
-            if self._at >= 0:
-                self._before[head].append(self._at)
-            what = "depends on the number of turns of the previous loop"
-            self._add(at, [head, self._at, *exits], what)
-
-    def exit_loop(self, at: int) -> None:
-        """Leaves the loop from within."""
-        self.barriers += 1
-        if self._loops:
-            self._loops[-1][1].append(self._at)
-            self._add(at, (), _NO_WAY)
-
-    def label(self, at: int, name: str) -> None:
-        """A place a jump leads to."""
-        node = self._add(at, [self._at], "differs between the paths to this label")
-        self._labels[len(self._first) - 1, name] = node
-
-    def jump(self, at: int, name: str) -> None:
-        """GOTO."""
-        self._jumps.append((self._at, len(self._first) - 1, name))
-        self._add(at, (), _NO_WAY)
-
-    def leave(self, at: int) -> None:
-        """RETURN."""
-        self._leave()
-        self._add(at, (), _NO_WAY)
-
-    def _leave(self) -> None:
-        if self._last:
-            self._last[-1].append(self._at)
 
     def _finish(self) -> None:
         """Ends the drawing: jumps lead to their labels."""
@@ -230,7 +89,7 @@ class ControlFlow:
 
     def versions(self, key: Hashable, places: IntArray) -> IntArray:
         """Returns the version (n,) in force at places (n,); ``DIFFERS`` where ways disagree."""
-        if key not in self._sets and not self._is_set_outside(key):
+        if not any(one for _, one in self._sets[key]) and not self._is_set_outside(key):
             return np.zeros(len(places), np.int64)
         return np.maximum(self.marks(key, places), DIFFERS)
 
@@ -327,6 +186,10 @@ class ControlFlow:
     def _is_kept(self, key: Hashable) -> bool:
         """Returns whether a thing keeps its version from run to run."""
         return False
+
+    def _ends_program(self, key: Hashable) -> Collection[int]:
+        """Returns the nodes after which the program begins again with what it keeps."""
+        return ()
 
     def _is_set_outside(self, key: Hashable) -> bool:
         """Returns whether another program sets a thing."""
@@ -461,13 +324,29 @@ class _DataFlow:
         ]
         started = set(flow._started_anywhere(self.key))
         ends = {self.effect[r] for r, mark in enumerate(entry) if not mark and r not in started}
-        kept = flow._is_kept(self.key) and bool(ends - {AS_FOUND, _UNREACHED, 0})
-        for routine, mark in enumerate(entry):
-            if not mark and (kept or flow._is_set_before(self.key, routine)):
-                entry[routine] = _JOINED - flow._first[routine]
-        for routine in flow._started_anywhere(self.key):
+        is_kept = flow._is_kept(self.key)
+        roots = [routine for routine, mark in enumerate(entry) if not mark]
+        for routine in roots:
+            if is_kept and ends - {AS_FOUND, _UNREACHED, 0}:
+                entry[routine] = self._any_version(routine)
+            elif flow._is_set_before(self.key, routine):
+                entry[routine] = self._any_version(routine)
+        for routine in started:
             entry[routine] = self._unsure(flow._first[routine])
-        changed = True
+        self._hand_down(entry, calls)
+        last = {_fill(self.out[n], entry[flow._routine[n]]) for n in flow._ends_program(self.key)}
+        if is_kept and last - {_UNREACHED, 0}:
+            for routine in set(roots) - started:
+                entry[routine] = self._any_version(routine)
+            self._hand_down(entry, calls)
+        return entry
+
+    def _any_version(self, routine: int) -> int:
+        return _JOINED - self.flow._first[routine]
+
+    def _hand_down(self, entry: list[int], calls: list[tuple[int, int]]) -> None:
+        """Joins, in place, what routines begin with where they are called."""
+        flow, changed = self.flow, True
         while changed:
             changed = False
             for node, routine in calls:
@@ -478,7 +357,6 @@ class _DataFlow:
                 total = _join([entry[routine], here], flow._first[routine], entry[routine])
                 changed |= total != entry[routine]
                 entry[routine] = total
-        return entry
 
 
 def _join(marks: list[int], node: int, old: int) -> int:

@@ -164,6 +164,8 @@ class KrlWalk(KrlPoints):
         if word in ("def", "deffct", "global") and re.search(r"\bDEF(FCT)?\b", code, re.I):
             self._define(line, code)
             return
+        if word == "while":
+            self.flow.loop(2 * line)
         if "(" in code and word not in ("bas", *_SILENT):
             self._note_calls(line, code)
         motion = _MOTION.match(code)
@@ -257,6 +259,8 @@ class KrlWalk(KrlPoints):
             flow.alternative(at, other=word != "case")
         elif word in ("endif", "endswitch"):
             flow.join(at)
+        elif word == "while":
+            flow.loop_condition(at)
         elif word in _LOOP:
             flow.loop(at)
         elif word in _LOOP_END:

@@ -75,6 +75,8 @@ _ADDED: Final = re.compile(rb"pose_add\s*\(")
 _MOTION: Final = re.compile(
     rb"(?<!\w)((?:optimove|move|servo|speed|jog)[a-z]?(?:_\w+)?|tool_contact_move)\s*\("
 )
+_MAYBE: Final = re.compile(rb"\b(?:and|or)\b")
+"""What may keep a function behind it from being called."""
 _CARRYING: Final = b"track_conveyor_"
 _CARRIED: Final = re.compile(rb"(?<!\w)" + _CARRYING + rb"\w+\s*\(")
 
@@ -179,18 +181,24 @@ class ScriptWalk:
             (course.close_loop if block == "while" else course.join)(at)
         if word in ("while", "if"):
             self._blocks.append(word)
-        self._other(match.end(), end)
+        if self._other(match.end(), end) and word in ("while", "if", "elif"):
+            (course.loop_condition if word == "while" else course.condition)(self._at)
         return True
 
-    def _other(self, start: int, end: int) -> None:
-        """What is not followed: its variables are not certain; own routines are passed through."""
+    def _other(self, start: int, end: int) -> bool:
+        """What is not followed: its variables are not certain; own routines are passed through.
+
+        Returns:
+            Whether it calls routines, of this script or of none.
+        """
         self._mention(start, end)
         called = [name.decode() for name in _CALLED.findall(self.code, start, end)]
         own = [name for name in called if name in self._own]
-        self._outside(start, end)
-        if own:
+        calls = self._outside(start, end) or bool(own)
+        certain = not _MAYBE.search(self.code, start, end) if own else True
+        for name in own:
             self._at += 1
-            self.course.call(self._at, own)
+            (self.course.call if certain else self.course.call_one)(self._at, [name])
         motion = _MOTION.search(self.code, start, end)
         word = motion[1].decode() if motion else ""
         if motion and word not in self._own:
@@ -199,9 +207,11 @@ class ScriptWalk:
             for match in POSE.finditer(self.code, motion.start(), end):
                 point = self.story.add(match.start(), self.table.add(*match.span(), POINT), POINT)
                 self.story.flags[point] = Reason.EXPRESSION
+        return calls
 
-    def _outside(self, start: int, end: int) -> None:
-        """Notes calls of routines that are in no given script: they may set the tool."""
+    def _outside(self, start: int, end: int) -> bool:
+        """Notes calls of routines that are in no given script, if any: they may set the tool."""
+        before = len(self.story.outside)
         for match in _ASKED.finditer(self.code, start, end):
             name = match[1].decode()
             if name in self._own or name in _OTHERS or _BUILT_IN.fullmatch(name):
@@ -212,6 +222,7 @@ class ScriptWalk:
             self.story.outside.append((name, match.start()))
             self._at += 1
             self.course.set(self._at, FOREIGN, len(self.story.outside))
+        return len(self.story.outside) > before
 
     def _mention(self, start: int, end: int) -> None:
         for match in _WORDS.finditer(self.code, start, end):
