@@ -30,6 +30,8 @@ MEMBERS = {
 }  # fmt: skip
 CHANGES = {"incr": 1.0, "decr": -1.0, "clear": 0.0, "add": 0.0}
 CLOSING = {"endif": "if", "endfor": "for", "endwhile": "while", "endtest": "test"}
+DEEPEST = 12
+"""Routines that call each other, one in another."""
 UNTURNED = [1.0, 0.0, 0.0, 0.0]
 OUTSIDE = {
     "tool0": [True, [[0.0] * 3, UNTURNED], []],
@@ -61,6 +63,10 @@ class Routine(NamedTuple):
 
 class Handled(Exception):
     """Ends a handler: with ``retry`` or ``trynext``."""
+
+
+class Restarted(Exception):
+    """Ends the cycle, with ``exit`` or ``exitcycle``."""
 
 
 class Failed(Exception):
@@ -106,6 +112,7 @@ class RapidController:
         self.moves: list[Move] = []
         self.starts: list[tuple[str, str]] = []
         self.names: dict[str, str] = {}
+        self.ended, self.depth = "", 0
         for name, text in files.items():
             self._load(name, text)
         for module, line in self.starts:
@@ -139,16 +146,19 @@ class RapidController:
 
     def run(self) -> bool:
         """Runs main; returns whether it came to its end."""
-        if self.rng.random() < 0.5:  # the pointer is moved to main
+        moved = {"exit": True, "exitcycle": False}.get(self.ended, self.rng.random() < 0.5)
+        if moved:  # the pointer is moved to main
             for module, line in self.starts:
                 if " var " in f" {line}":
                     self._declare(line, self.data[module], module)
             self.shift, self.traps = np.eye(4), {}
         self.__dict__.setdefault("shift", np.eye(4))
         self.__dict__.setdefault("traps", {})
-        self.trapped, self.steps, self.handlers = False, 0, 0
+        self.trapped, self.steps, self.handlers, self.ended = False, 0, 0, ""
         try:
             self._call("main", [])
+        except Restarted as way:
+            self.ended = str(way)
         except Ended:
             return False
         return True
@@ -207,6 +217,10 @@ class RapidController:
             if isinstance(left, list) or isinstance(right, list):  # pos
                 return BINARY[type(node.op)](np.array(left), np.array(right)).tolist()
             return BINARY[type(node.op)](left, right)
+        if isinstance(node, ast.BoolOp):  # the second one is computed only where it decides
+            left = self._compute(node.values[0], scope)
+            decided = bool(left) == isinstance(node.op, ast.Or)
+            return left if decided else self._compute(node.values[1], scope)
         if isinstance(node, ast.Compare):
             left, right = (self._compute(x, scope) for x in (node.left, node.comparators[0]))
             return COMPARE[type(node.ops[0])](left, right)
@@ -255,10 +269,15 @@ class RapidController:
                 local[parameter] = self._place(node, scope)
             else:
                 local[parameter] = copy.deepcopy(self._compute(node, scope))
+        self.depth += 1
+        if self.depth > DEEPEST:
+            raise Ended
         try:
             self._block(routine, (local, routine.module))
         except Returned as returned:
             return returned.args[0]
+        finally:
+            self.depth -= 1
         return None
 
     def _try(self, line: str, routine: Routine, scope: Any) -> bool:
@@ -409,6 +428,8 @@ class RapidController:
             self._displace(rest, scope)
         elif word in ("retry", "trynext"):
             raise Handled(word)
+        elif word in ("exit", "exitcycle"):
+            raise Restarted(word)
         elif word == "return":
             raise Returned(copy.deepcopy(self.value(rest, scope)) if rest else None)
         elif word == "connect":

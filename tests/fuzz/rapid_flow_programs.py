@@ -8,7 +8,13 @@ import numpy as np
 from written import Pen
 
 KINDS = ("CONST", "PERS", "VAR", "LOCAL CONST", "LOCAL PERS", "LOCAL VAR", "TASK PERS")
-SETS_FRAMES = ("PDisp", "EOffs", "t1.", "t2:", "w1.", "w2:")
+SETS_FRAMES = ("PDisp", "EOffs", "t1.", "t2:", "w1.", "w2:", "helper", "n:=helped")
+
+
+def _leave_out(lines: list[str], barred: tuple[str, ...]) -> list[str]:
+    """The lines that begin with nothing barred; where no frames may be set, none asks."""
+    kept = [line for line in lines if not line.startswith(barred)]
+    return [x.replace("ask()", "di9") for x in kept] if "PDisp" in barred else kept
 
 
 class RapidFlowWriter:
@@ -40,6 +46,7 @@ class RapidFlowWriter:
             f"{pen.pick('PERS', 'VAR')} station st:=[{self._target()},25];",
             f"PERS jointtarget home:={self._axes()};",
             f"PERS pose off1:={self._pose(60.0)};", f"VAR pose off2:={self._pose(60.0)};",
+            f'VAR string late:="{pen.pick(*self.routines, "nothing")}";',
             "VAR num n:=1;", "PERS num clear:=50;", "VAR num i:=1;", "VAR intnum stop1;",
         ]  # fmt: skip
         body = ["PROC main()"]
@@ -57,13 +64,14 @@ class RapidFlowWriter:
             body += [
                 f"PROC {name}()",
                 *begin,
-                *(x for x in lines if not x.startswith(barred)),
+                *_leave_out(lines, barred),
                 *self._handler(),
                 "ENDPROC",
             ]
         self.local = []
         if self.routines:
             body += ["TRAP halt", f"{pen.pick(self.routines[0] + ';', self._move(''))}", "ENDTRAP"]
+        body += ["PROC nothing()", "ENDPROC", *self._asked()]
         more = [*self._by_reference(), *self._by_value(), *self._function(), *self._with_frames()]
         if not self.beside:
             whole = ["MODULE part", *data, *body, *more, "ENDMODULE"]
@@ -85,15 +93,17 @@ class RapidFlowWriter:
                 number = pen.pick("n:=n;", "Incr clear;", "Add clear,3;")
                 two += ["PROC other()", change, number, "ENDPROC"]
                 one[-2:-2] = ["other;"] if one[-2] == "ENDPROC" and pen.chance(0.7) else []
-        two += ["ENDMODULE"]
-        return {"part.mod": "\n".join(one) + "\n", "cell.mod": "\n".join(two) + "\n"}
+        three = ["MODULE deep", "PROC deeper()", self._frame_setting(), "ENDPROC", "ENDMODULE"]
+        two += [*self._helpers(), "ENDMODULE"]
+        named = (("part", one), ("cell", two), ("deep", three))
+        return {f"{name}.mod": "\n".join(lines) + "\n" for name, lines in named}
 
     def _handler(self) -> list[str]:
         """Frames that it changes are told of, and not followed."""
         if not self.pen.chance(0.3):
             return []
         barred = ("sub", "%", "CONNECT", "ISignal", "RETURN", *SETS_FRAMES)
-        lines = [x for x in self._block(1, "", self.pen.whole(1, 3)) if not x.startswith(barred)]
+        lines = _leave_out(self._block(1, "", self.pen.whole(1, 3)), barred)
         return ["ERROR", *lines, self.pen.pick("RETRY;", "TRYNEXT;", "TRYNEXT;", "RETURN;")]
 
     def _by_reference(self) -> list[str]:
@@ -103,6 +113,20 @@ class RapidFlowWriter:
             f"MoveL {self._target()}{self._tail()}", "q.trans.x:=64.25;",
         )  # fmt: skip
         return ["PROC byref(INOUT robtarget q)", *choice.split("\n"), "ENDPROC"]
+
+    def _asked(self) -> list[str]:
+        """A function that may do more than answer."""
+        side = self.pen.pick("", "n:=3-n;", self._setting(11, ""), self._move(""))
+        return ["FUNC num ask()", side, "IF di9=1 THEN", "RETURN 1;", "ENDIF", "RETURN 2;",
+                "ENDFUNC"]  # fmt: skip
+
+    def _helpers(self) -> list[str]:
+        """Routines of another module that may change frames, or call back."""
+        pen, back = self.pen, [f"{name};" for name in self.routines]
+        some = [pen.pick("", *back, "PDispOff;", self._frame_setting(), "deeper;", *back)
+                for _ in range(pen.whole(1, 2))]  # fmt: skip
+        return ["PROC helper()", *some, "ENDPROC", "FUNC num helped()", pen.pick("", "helper;"),
+                "RETURN 1;", "ENDFUNC"]  # fmt: skip
 
     def _by_value(self) -> list[str]:
         choice = self.pen.pick(
@@ -195,7 +219,7 @@ class RapidFlowWriter:
         return [line for _ in range(count) for line in self._statement(depth, counter)]
 
     def _statement(self, depth: int, counter: str) -> list[str]:
-        kind, pen = self.pen.whole(0, 27), self.pen
+        kind, pen = self.pen.whole(0, 30), self.pen
         if self.calm and 11 <= kind <= 16 and pen.chance(0.75):
             kind = 0
         if kind <= 8:
@@ -210,16 +234,23 @@ class RapidFlowWriter:
             return [f"MoveL {self._point()}{self._tail()}"]
         return self._structure(kind, depth, counter)
 
+    def _frame_setting(self) -> str:
+        """A change of a frame that any module can make."""
+        return self.pen.pick(
+            f"PDispSet {self._pose(40.0)};", "PDispOff;", "PDispOff;", "t1.tframe.trans.z:=99;",
+            "EOffsSet [10,0,0,0,0,0];", "EOffsOff;", f"w1.uframe:={self._pose(300.0)};",
+            "w2:=w1;", "t2:=t1;", f"t1.tframe:={self._pose(90.0)};",
+        )  # fmt: skip
+
     def _setting(self, kind: int, counter: str) -> str:
         pen, free = self.pen, self.pen.pick(*self._free())
         if kind == 11:
             turned = pen.pick("", "\\Rot")
             return pen.pick(
-                f"PDispSet {pen.pick('off1', 'off2', self._pose(40.0))};", "PDispOff;", "PDispOff;",
+                self._frame_setting(), self._frame_setting(), self._frame_setting(),
                 f"PDispOn {turned}\\ExeP:={pen.pick(*self.kinds)},{pen.pick(*self.kinds)},t1;",
-                "EOffsSet [10,0,0,0,0,0];", "EOffsOff;", f"w1.uframe:={self._pose(300.0)};",
-                "w1.oframe.trans.x:=clear;", "t1.tframe.trans.z:=99;", "w2:=w1;", "t2:=t1;",
-                f"t1.tframe:={self._pose(90.0)};", "w1.oframe:=off1;",
+                f"PDispSet {pen.pick('off1', 'off2')};", "w1.oframe:=off1;",
+                "w1.oframe.trans.x:=clear;",
             )  # fmt: skip
         if kind <= 13:
             return f"{free}.{pen.pick('trans.x', 'trans.y', 'trans.z')}:={self._number(counter)};"
@@ -243,16 +274,16 @@ class RapidFlowWriter:
         pen, one = self.pen, self._block(depth - 1, counter)
         two = self._block(depth - 1, counter)
         if kind <= 18:
-            condition = pen.pick("di1=1", "n=2", "di2=1", "clear>45")
+            condition = pen.pick("di1=1", "n=2", "di2=1", "clear>45", "ask()=1", "n=1 OR ask()=1")
             other = ["ELSE", *two] if pen.chance(0.5) else []
             if pen.chance(0.3):
-                other = ["ELSEIF di7=1 THEN", *two]
+                other = [f"ELSEIF {pen.pick('di7=1', 'ask()=1')} THEN", *two, *other]
             return [f"IF {condition} THEN", *one, *other, "ENDIF"]
         if kind == 19 and not counter:
             count = pen.pick("1 TO 2", "1 TO 2", "2 TO 1 STEP -1", "1 TO n")
             return [f"FOR i FROM {count} DO", *self._block(depth - 1, "i"), "ENDFOR"]
         if kind == 20:
-            return ["WHILE di3=1 DO", *one, "ENDWHILE"]
+            return [f"WHILE {pen.pick('di3=1', 'ask()=1')} DO", *one, "ENDWHILE"]
         if kind == 21:
             return [f"IF di4=1 {pen.pick(self._move(counter), self._setting(14, counter))}"]
         if kind == 22:
@@ -270,12 +301,16 @@ class RapidFlowWriter:
             return [
                 pen.pick(f"byref {free};", f"byref {free};", f"byval {self._target()};", within)
             ]
+        if kind == 28 and self.beside:
+            return [pen.pick("helper;", "helper;", "n:=helped();")]
+        if kind == 29 and not self.calm:
+            return [f"IF di8=1 {pen.pick('ExitCycle;', 'EXIT;')}"]
         if not self.routines:
             alone = self.beside and "LOCAL" in self.kinds["xp1"]
             return ["alone;" if alone and pen.chance(0.5) else f"byval {self._point()};"]
         name = pen.pick(*self.routines)
         if kind == 26:
-            return [pen.pick(f"{name};", f"{name};", f'%"{self.routines[0]}"%;')]
+            return [pen.pick(f"{name};", f"{name};", f'%"{self.routines[0]}"%;', "%late%;")]
         return pen.pick("CONNECT stop1 WITH halt;\nISignalDI di9,1,stop1;", "IDelete stop1;").split(
             "\n"
         )

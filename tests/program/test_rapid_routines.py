@@ -67,7 +67,8 @@ def test_errors_that_another_module_handles() -> None:
         ("WaitTime count();\n", 53),
         ("IF count()=1 THEN\nWaitTime 1;\nENDIF\n", 53),
         (f"MoveJ Offs(p,0,0,count()),v1,z1,spindle\\WObj:=fixture;\n{'PDispOff;'}\n", 43),
-        ("IF count()=1 k:=1;\n", None),  # on one way only
+        ("IF count()=1 k:=1;\n", 53),
+        ("IF k=1 OR count()=1 k:=1;\n", None),  # on one way only
     ],
 )
 def test_functions_of_the_module_change_what_they_set(statement: str, z: float | None) -> None:
@@ -103,7 +104,7 @@ def test_functions_of_another_module_may_change_what_is_in_force(body: str, move
     other = f"MODULE b\nFUNC num count()\n{body}\nRETURN 1;\nENDFUNC\nENDMODULE"
     files = [("a.mod", main.encode()), ("b.mod", other.encode())]
     program = find_language("rapid").read_job(files, frames=FrameTable())[0]
-    assert program.reason.tolist() == [Reason.UNKNOWN_FRAME if moved else Reason.NONE]
+    assert program.reason.tolist() == [Reason.RELATIVE if moved else Reason.NONE]
     assert any("count" in note for note in program.notes) == moved
 
 

@@ -60,7 +60,7 @@ class _Builder:
         self.starts = line_starts(walk.data)
         self.line = np.searchsorted(self.starts, offsets, side="right")
         self.order = np.argsort(offsets, kind="stable")
-        self.outside = walk.outside(given.harmless_routines)
+        self.outside = walk.outside()
         self.tell = TargetNotes(walk.name, self.line)
 
     def program(self) -> Program:
@@ -339,13 +339,19 @@ class _Builder:
                 f"{name}:{int(np.searchsorted(self.starts, offset, side='right'))}: {what}: the "
                 "controller does not compare confdata from here; they are updated nevertheless."
             )
-        for each in self.walk.course.handlers():
+        for each in (*self.walk.course.handlers(), *self.walk.find_changing_handlers()):
             self.tell.say(
                 f"{name}: {each}, which an interrupt or an error starts, changes a tool, work "
                 "object or displacement; targets that may come after it are compensated as if it "
                 "had not run."
             )
         lost = np.isin(self.reason, (Reason.UNKNOWN_FRAME, Reason.RELATIVE)).any()
+        for each, offset in self.walk.changing.items() if lost else ():
+            self.tell.say(
+                f"{name}:{int(np.searchsorted(self.starts, offset, side='right'))}: {each} of "
+                "another module may change a tool, work object or displacement. Set it between "
+                "the call and the next motion."
+            )
         early = self.walk.course.list_uncertain() if lost else []
         if early:
             self.tell.say(

@@ -10,6 +10,7 @@ import numpy as np
 
 from robotrue.program.formats import rapid_scan as scan
 from robotrue.program.formats.number_table import NumberTable
+from robotrue.program.formats.rapid_beside import RapidRoutine, RoutineReader
 from robotrue.program.formats.rapid_expression import PURE
 from robotrue.program.formats.rapid_flow import RapidFlow
 from robotrue.program.formats.rapid_frames import KINDS, TOOL, WORK, RapidFrames
@@ -32,13 +33,6 @@ _DECLARED: Final = re.compile(
     + rb"(?:\{(?P<sizes>[^}]*)\}" + scan.GAP + rb")?(?P<given>:=)?",
     re.IGNORECASE,
 )  # fmt: skip
-_ROUTINE: Final = re.compile(rb"(?im)^[ \t]*PROC[ \t]+([\w\x80-\xff]+)")
-_CHANGES: Final = re.compile(
-    rb"(?i)\b(?:PDisp|EOffs)(?:On|Set)\b|\b[uot]frame\b[^:;]*:=|"
-    rb"^[ \t]*(?:t|tool|w|wobj)[\w\x80-\xff]*[ \t]*:=|%",
-    re.MULTILINE,
-)
-"""What a module holds that may change a displacement, a tool or a work object, or call anything."""
 _ASSIGNED: Final = re.compile(
     rb"([\w\x80-\xff]+)"
     + scan.GAP
@@ -90,14 +84,12 @@ class SharedData(NamedTuple):
     Attributes:
         frames: Tools and work objects: side, name, value, line, no other module can change it.
         targets: Names of the targets that others may use.
-        routines: Names of its routines, if they change no frame.
-        functions: Names of its functions, if some routine does.
+        routines: By name.
     """
 
     frames: tuple[tuple[str, str, bytes, int, bool], ...]
     targets: tuple[str, ...]
-    routines: tuple[str, ...]
-    functions: frozenset[bytes]
+    routines: dict[str, RapidRoutine]
 
 
 def read_shared_data(data: bytes, name: str) -> SharedData:
@@ -107,22 +99,22 @@ def read_shared_data(data: bytes, name: str) -> SharedData:
         FormatError: A statement of it does not end.
     """
     frames, targets, starts = [], [], line_starts(data)
+    reader = RoutineReader(data)
     statement, at = scan.next_statement(data, scan.beginning(data), name)
     while statement is not None:
         match, word = _match_declaration(data, statement), statement.word
         kind = _lower(match["kind"]) if match else ""
-        if match and kind in KINDS and not match["sizes"]:
+        reader.take(statement)
+        if match and word == "local":
+            pass  # other modules cannot see it
+        elif match and kind in KINDS and not match["sizes"]:
             value = data[match.end() : statement.end] if match["given"] else b""
             line = int(np.searchsorted(starts, statement.start, side="right")) - 1
-            own = word in ("local", "const")
-            frames.append((KINDS[kind], _lower(match["name"]), value, line, own))
-        elif match and kind in LITERAL and word != "local":
+            frames.append((KINDS[kind], _lower(match["name"]), value, line, word == "const"))
+        elif match and kind in LITERAL:
             targets.append(_lower(match["name"]))
         statement, at = scan.next_statement(data, at, name)
-    quiet = not _CHANGES.search(data)
-    routines = map(_lower, _ROUTINE.findall(data)) if quiet else ()
-    functions = frozenset[bytes]() if quiet else scan.list_functions(data)
-    return SharedData(tuple(frames), tuple(targets), tuple(routines), functions)
+    return SharedData(tuple(frames), tuple(targets), reader.routines)
 
 
 def _match_declaration(data: bytes, statement: scan.RapidStatement) -> re.Match[bytes] | None:

@@ -26,7 +26,9 @@ FOREIGN: Final = "routine in no file"
 """Since it ran its possible changes have not been set again: this, and a key of ``SHIFTS`` or
 (side, name) of tools and work objects."""
 
-_CONTINUES: Final = re.compile(r"(?:^|;|\bend\w+)\s*+(?:retry|trynext)\s*+;\s*+$", re.IGNORECASE)
+_CONTINUES: Final = re.compile(
+    r"(?:^|;|\bend\w+)\s*+(?:retry|trynext|exit|exitcycle)\s*+;\s*+$", re.IGNORECASE
+)
 _LEAVES: Final = re.compile(r"\b(?:return|raise)\b", re.IGNORECASE)
 
 
@@ -46,6 +48,12 @@ class RapidFlow(ControlFlow):
         self.own: set[tuple[str, str]] = set()
         self._task, self._module = task, module
         self._caught: dict[str, str] = {}
+        self._begins_again: dict[int, bool] = {}
+
+    def restart(self, at: int, *, cycle: bool) -> None:
+        """ExitCycle (``cycle``) begins main anew, EXIT ends the program; data keep their values."""
+        self._begins_again[self._at] = cycle
+        self._add(at, ())
 
     def catch(self, routine: str, text: str) -> None:
         """Enters the error handler of a routine: its text without comments."""
@@ -99,6 +107,10 @@ class RapidFlow(ControlFlow):
 
     def _is_set_before(self, key: Hashable, routine: int) -> bool:
         return self._is_set_outside(key) and routine in self._called_outside
+
+    def _ends_program(self, key: Hashable) -> Collection[int]:
+        of_cycle = key in (SHIFTED, AXES_SHIFTED)  # these end where the program begins anew
+        return [node for node, cycle in self._begins_again.items() if cycle or not of_cycle]
 
     def _is_kept(self, key: Hashable) -> bool:
         return not isinstance(key, tuple) or key[0] != FOREIGN

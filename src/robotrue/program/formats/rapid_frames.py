@@ -78,8 +78,6 @@ class RapidFrames:
         frames: The matrices by index, and the sentence for each that is not known.
         elsewhere: Modules other than the one that is read, by the targets they declare.
         own: (side, name) of those no other module can change: LOCAL, CONST, or of a routine.
-        routines: Names of routines of other modules that change no frame.
-        functions: Names of functions of other modules that may change one.
         renewed: (place, (side, name)) where one is given a whole value.
     """
 
@@ -87,8 +85,6 @@ class RapidFrames:
         self.frames = Frames(table, name)
         self.elsewhere: dict[str, str] = {}
         self.own: set[tuple[str, str]] = set()
-        self.routines: set[str] = set()
-        self.functions: frozenset[bytes] = frozenset()
         self.renewed: list[tuple[int, tuple[str, str]]] = []
         self._table, self._course = table, course
         self._known: dict[tuple[str, str], _Variable] = {}
@@ -98,6 +94,10 @@ class RapidFrames:
     def has(self, side: str, name: str) -> bool:
         """Returns whether the modules declare it."""
         return (side, name) in self._known
+
+    def list_shared(self) -> list[tuple[str, str]]:
+        """Returns side and name of those that other modules can change."""
+        return [each for each in self._known if each not in self.own]
 
     def declare(self, side: str, name: str, value: bytes, line: int) -> None:
         """Enters a declaration; what is declared again after it was given a value is not known."""
@@ -109,16 +109,12 @@ class RapidFrames:
         for member, what in self._whole(side, value).items():
             variable.version(member, what)
 
-    def declare_beside(
-        self, frames: Iterable[tuple[str, str, bytes, int, bool]], routines: Iterable[str]
-    ) -> None:
-        """Enters what another module declares, where none before it does; names its routines.
+    def declare_beside(self, frames: Iterable[tuple[str, str, bytes, int, bool]]) -> None:
+        """Enters what another module declares, where none before it does.
 
         Args:
             frames: Side, name, value, line, and whether no other module can change it.
-            routines: That change no frame.
         """
-        self.routines.update(routines)
         for side, name, value, line, own in frames:
             if not self.has(side, name):
                 self.declare(side, name, value, line)

@@ -9,6 +9,7 @@ from functools import cached_property
 from typing import Final
 
 from robotrue.errors import FormatError
+from robotrue.program.formats.rapid_beside import CallsBeside, list_routines
 from robotrue.program.formats.rapid_build import build
 from robotrue.program.formats.rapid_data import SharedData, read_shared_data
 from robotrue.program.formats.rapid_flow import RapidFlow
@@ -20,7 +21,7 @@ from robotrue.program.program import FrameTable, Program
 
 _MOVES: Final = re.compile(rb"\bMove(?:L|J|C|AbsJ)\b", re.IGNORECASE)
 _TELLS: Final = re.compile(
-    rb"\b(?:tooldata|wobjdata|robtarget|jointtarget|PROC|FUNC)\b", re.IGNORECASE
+    rb"\b(?:tooldata|wobjdata|robtarget|jointtarget|PROC|FUNC|TRAP)\b", re.IGNORECASE
 )
 """What others have to know of a module."""
 _WIDE_WORD: Final = re.compile(rb"\w*+[\x80-\xff][\w\x80-\xff]*+")
@@ -70,11 +71,13 @@ def _read_module(
         return build(RapidWalk(own.data, own.name, table, course, task), frames)
     beside = [other for other in files if other.tells and other is not own]
     for other in beside:
-        table.declare_beside(other.shared.frames, other.shared.routines)
-        table.functions |= other.shared.functions
+        table.declare_beside(other.shared.frames)
     for other in reversed(beside):  # the first to declare a target is named
         table.elsewhere.update(dict.fromkeys(other.shared.targets, other.name))
-    walk = RapidWalk(own.data, own.name, table, course, task)
+    routines = {each.name: each.shared.routines for each in beside}
+    routines[own.name] = list_routines(own.data)
+    calls = CallsBeside(own.name, routines, frames.harmless_routines)
+    walk = RapidWalk(own.data, own.name, table, course, task, calls)
     walk.all()
     if not walk.story.begun:
         raise FormatError(

@@ -182,12 +182,12 @@ class RapidValues:
     """Variables of one module while it is read, and their values afterwards.
 
     Attributes:
-        foreign: Routines in no given file are called.
+        absent: Places where routines in no given file are called.
     """
 
     def __init__(self, course: ControlFlow, task: RapidTask, module: str) -> None:
         self.task, self.module = task, module
-        self.foreign = False
+        self.absent: list[int] = []
         self._course = course
         self._given: dict[tuple[str, str], tuple[str | None, bool]] = {}
         self._twice: set[tuple[str, str]] = set()
@@ -268,15 +268,12 @@ class RapidValues:
     ) -> RapidValue:
         """Returns the value of the one change that reaches a place on every way."""
         name = key[1]
-        if self.foreign and not self.is_local(scope, name):
-            raise NotConstantError(
-                f"{name!r} is changed by the module, and maybe by routines in no given file",
-                "give their files, too, or name them in harmless_routines",
-            )
         risky = self._started_by_handlers()
         if any(self._routine(change.place) in risky for change in changes):
             raise NotConstantError(f"{name!r} is changed by a trap or an error handler")
         sets = [(change.place, k) for k, change in enumerate(changes, start=1)]
+        if not self.is_local(scope, name):
+            sets += [(at, len(changes) + 1) for at in self.absent]
         version = self._course.version_within(key, self._extent(key[0]), sets, place - 1)
         if version == DIFFERS:
             raise NotConstantError(f"{name!r} has more than one value here")
@@ -287,6 +284,11 @@ class RapidValues:
             raise NotConstantError(
                 f"{name!r} is changed by the program, and here it may have any earlier value",
                 "give it its value as a whole before this line",
+            )
+        if version > len(changes):
+            raise NotConstantError(
+                f"{name!r} is changed by the module, and maybe by routines in no given file",
+                "give their files, too, or name them in harmless_routines",
             )
         change = changes[version - 1]
         if change.text is None:

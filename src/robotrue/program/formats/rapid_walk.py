@@ -4,17 +4,18 @@ from __future__ import annotations
 
 import re
 from array import array
-from collections.abc import Container
 from typing import Final, NamedTuple
 
 from robotrue.core.arrays import Array
 from robotrue.errors import FormatError
 from robotrue.program.formats import rapid_scan as scan
 from robotrue.program.formats.expression import NotConstantError
-from robotrue.program.formats.rapid_data import LITERAL, NOTHING, POSE, Data
+from robotrue.program.formats.rapid_beside import CallsBeside, called_by_name
+from robotrue.program.formats.rapid_calls import Calls
+from robotrue.program.formats.rapid_data import LITERAL, NOTHING, POSE
 from robotrue.program.formats.rapid_expression import flat_numbers, pose_of
-from robotrue.program.formats.rapid_flow import AXES_SHIFTED, FOREIGN, SHIFTED, SHIFTS, RapidFlow
-from robotrue.program.formats.rapid_frames import TOOL, WORK, RapidFrames
+from robotrue.program.formats.rapid_flow import SHIFTS, RapidFlow
+from robotrue.program.formats.rapid_frames import RapidFrames
 from robotrue.program.formats.rapid_moves import (
     BUILT_IN,
     Move,
@@ -29,7 +30,8 @@ from robotrue.program.program import Motion, Reason
 
 _TAILS: Final = 4096
 """Largest number of cached texts of a motion after its literal; a post writes only a few."""
-_BY_NAME: Final = "a call by name"
+_HEADS: Final = frozenset(("if", "if then", "elseif", "case", "while", "func"))
+"""Functions in them are called at another place than before the statement, or there are none."""
 _REFERENCE: Final = re.compile(r"([\w\x80-\xff]+)\s*(?:\{([^}]*)\})?$")
 _SHIFTING: Final = re.compile(r"(offs|reltool)\s*\((.*)\)$", re.IGNORECASE | re.DOTALL)
 _BETWEEN: Final = re.compile(r"\\\s*ExeP\s*:=\s*(\w+)\s*,\s*(\w+)\s*,", re.IGNORECASE)
@@ -53,7 +55,7 @@ class _Motion(NamedTuple):
     stored: list[tuple[list[int], list[str]] | None]
 
 
-class RapidWalk(Data):
+class RapidWalk(Calls):
     """One reading of a module, with frames from the files next to it."""
 
     def __init__(
@@ -63,16 +65,14 @@ class RapidWalk(Data):
         frames: RapidFrames,
         course: RapidFlow,
         task: RapidTask | None = None,
+        beside: CallsBeside | None = None,
     ) -> None:
-        super().__init__(data, name, frames, course, task)
+        super().__init__(data, name, frames, course, task, beside)
         self._moves: list[_Motion] = []
         self._barriers = 0
         self._open, self._in_record, self._with_parameters = 0, False, False
         self._tails: dict[tuple[bytes, bytes], tuple[Move | None, Tail | None]] = {}
-        self._calls: list[tuple[int, str, int]] = []
-        self._routines: set[str] = set()
         self._shifts: list[tuple[int, str]] = []
-        self._functions = scan.list_functions(data)
         self._handler = 0  # where the error handler being read begins
 
     def all(self) -> None:
@@ -90,6 +90,7 @@ class RapidWalk(Data):
             if statement is None:
                 break
             self._statement(statement)
+        self.find_absent()
         self._settle_moves()
         if self._open:
             raise FormatError(
@@ -99,37 +100,10 @@ class RapidWalk(Data):
                 hint="export it again.",
             )
 
-    def outside(self, harmless: Container[str]) -> list[tuple[str, int]]:
-        """Returns name and first byte of the calls of routines that are in no given file.
-
-        From then on the control flow holds which of displacement, tools and work objects each may
-        have changed: ``FOREIGN`` keys hold one more than its number here.
-
-        Args:
-            harmless: Routines that change none of them.
-        """
-        calls = [(p, _BY_NAME if name == "late" else name, at) for p, name, at in self._calls]
-        known = self._routines | self.frames.routines
-        found = [each for each in calls if each[1] not in known and each[1] not in harmless]
-        data = {(side, name) for pair in self.story.settings for side, name in
-                ((TOOL, pair[0]), (WORK, pair[1]))}  # fmt: skip
-        for key in (SHIFTED, AXES_SHIFTED, *(each for each in data if self._open_to_all(*each))):
-            for number, (place, _, _) in enumerate(found, start=1):
-                self.course.set(place, (FOREIGN, key), number)
-        for place, key in (*self._shifts, *self.frames.renewed):
-            self.course.set(place, (FOREIGN, key), 0)
-        return [(name, at) for _, name, at in found]
-
-    def _open_to_all(self, side: str, name: str) -> bool:
-        """Returns whether routines of other modules may change a tool or work object."""
-        if name in ("", "tool0", "wobj0") or (side, name) in self.frames.own:
-            return False
-        return re.fullmatch(r"[\w\x80-\xff]+", name) is not None
-
     def _statement(self, statement: scan.RapidStatement) -> None:
         word = statement.word
-        if (self._functions or self.frames.functions) and word not in ("if", "func"):
-            self._use_functions(statement.body, statement.end)
+        if self.has_functions and word not in _HEADS:
+            self.use_functions(statement.body, statement.end)
         move = move_of(word)
         if move is not None:
             self._move(statement.body, statement.end, move)
@@ -138,14 +112,6 @@ class RapidWalk(Data):
         elif not self._control(statement, word) and not self.declare(statement):
             if not self.assign(statement.start, statement.end):
                 self._instruction(statement)
-
-    def _use_functions(self, start: int, end: int) -> None:
-        """Passes through the functions of the task that an expression names."""
-        for name in scan.find_calls(self.data, start, end, self._functions):
-            self.course.call(self.place, [name])
-            self.values.call(self.scope, name)
-        for name in scan.find_calls(self.data, start, end, self.frames.functions):
-            self._calls.append((self.place, name, start))
 
     def _shift(self, statement: scan.RapidStatement, word: str) -> None:
         """Enters a displacement or offset; one of constants is known when all has been read."""
@@ -183,10 +149,10 @@ class RapidWalk(Data):
             said = " ".join(scan.clean(self.data[statement.start : end]).split())
             if said.lower().endswith("off"):
                 self.story.checks.setdefault(said, statement.start)
+        if word in ("late", "callbyvar"):
+            word = called_by_name(scan.clean(self.data[statement.start : end]).lower())
         if word not in BUILT_IN:
-            self._calls.append((self.place, word, statement.start))
-            self.course.call(self.place, [word])
-            self.values.call(self.scope, word)
+            self.call(word, statement.start)
         for match in scan.ROBTARGET.finditer(self.data, start, end):
             point = self.story.add(match.start(), self.table.add(*match.span(), POSE), POSE)
             self.story.flags[point] = Reason.EXPRESSION
@@ -197,18 +163,24 @@ class RapidWalk(Data):
         course, at = self.course, self.place
         if word in ("if then", "test"):
             course.branch(at, opens=word != "test")
+            self.condition(statement.body, statement.end, course.condition)
         elif word in ("else", "elseif", "case", "default"):
             course.alternative(at, other=word in ("else", "default"))
+            self.condition(statement.body, statement.end, course.condition)
         elif word in ("endif", "endtest"):
             course.join(at)
         elif word in ("for", "while"):
             course.loop(at)
+            if word == "while":
+                self.condition(statement.body, statement.end, course.loop_condition)
             for name in self._text(statement).lower().split()[:1] if word == "for" else ():
                 self.values.change(self.scope, name, RapidChange(at, "", "", None))
         elif word in ("endfor", "endwhile"):
             course.close_loop(at)
-        elif word in ("return", "exit"):
+        elif word == "return":
             course.leave(at)
+        elif word in ("exit", "exitcycle"):
+            course.restart(at, cycle=word == "exitcycle")
         elif word == "goto":
             course.jump(at, self._text(statement).lower())
         elif word == "if":
@@ -258,7 +230,7 @@ class RapidWalk(Data):
         before, _, parameters = self._text(statement).partition("(")
         names = before.split()
         self.scope = names[-1].lower() if names else ""
-        self._routines.add(self.scope)
+        self.routines.add(self.scope)
         self.course.start(self.place, self.scope, handler=word == "trap")
         self.values.begin_routine(self.place, self.scope, handler=word == "trap")
         self._with_parameters = bool(parameters.strip(") "))
@@ -272,21 +244,24 @@ class RapidWalk(Data):
         """``IF condition instruction;``: the instruction runs on one of two ways."""
         self.course.branch(self.place, opens=True)
         match = scan.COMPACT.match(self.data, statement.body, statement.end)
-        self.place += 1
         if match is None:
+            self.place += 1
             self.mention(statement.body, statement.end, "if")
             text = self._text(statement).lower()
-            self.course.call(self.place, re.findall(r"[\w\x80-\xff]+", text))
+            self.use_functions(statement.body, statement.end)
             word = behind_condition(text)
             if word in SHIFTS:
                 self.course.set(self.place, *SHIFTS[word])
                 self._shifts.append((self.place, SHIFTS[word][0]))
-            if word and word not in BUILT_IN:
-                self._calls.append((self.place, word, statement.start))
+            elif word == "exitcycle":
+                self.course.restart(self.place, cycle=True)
+            elif word and word not in BUILT_IN:
+                self.call(word, statement.start)
         else:
             start, body = match.start(1), match.end(1)
             self.mention(statement.body, start, "")
-            self._use_functions(statement.body, start)
+            self.condition(statement.body, start, self.course.condition)
+            self.place += 1
             self._statement(
                 scan.RapidStatement(match[1].decode("latin-1").lower(), start, body, statement.end)
             )
