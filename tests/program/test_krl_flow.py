@@ -56,6 +56,10 @@ def tools(program: Program) -> list[float]:
         # One in the condition of a loop begins with what the turn before has left.
         ("DEF p()/BAS(#BASE,1)/WHILE f()/BAS(#BASE,2)/ENDWHILE/END/"
          "DEFFCT BOOL f()/P!/RETURN TRUE/ENDFCT", [None]),
+        # Frames handed over by reference, and set by a trigger.
+        ("DEF p()/BAS(#BASE,1)/s(1,$BASE)/P!/BAS(#BASE,1)/P!/END/DEF s(a:IN,b:OUT)/END", [None, 1]),
+        ("DEF p()/BAS(#BASE,1)/x=INV_POS($BASE)/P!/END", [1]),
+        ("DEF p()/BAS(#BASE,1)/TRIGGER WHEN PATH=0 DELAY=0 DO $BASE=BASE_DATA[2]/P!/END", [None]),
         # RETURN on one way.
         ("DEF p()/BAS(#BASE,1)/s()/P!/END/DEF s()/IF x THEN/RETURN/ENDIF/BAS(#BASE,2)/END", [None]),
         # GOTO, forward and backward, with equal and with different frames.

@@ -100,6 +100,10 @@ def test_a_thread_that_changes_the_tool_is_told() -> None:
     program = read(f"thread t():\nset_tcp({P})\nend\ndef a():\nmovel({P})\nend\n")
     assert program.reason.tolist() == [NONE]
     assert any("the thread t changes the tool" in note for note in program.notes)
+    text = "set_tcp(p[0,0,0.1,0,0,0])\nthread t():\nset_tcp(p[0,0,0.2,0,0,0])\nend\nrun t()\n"
+    started = script(f"{text}s=struct(a=1)\nmovel({P})")
+    assert started.reason.tolist() == [NONE]
+    assert started.T_flange_tool[started.tool[0], 2, 3] == 0.1  # as if it did not run
 
 
 @pytest.mark.parametrize(

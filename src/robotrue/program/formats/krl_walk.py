@@ -58,6 +58,8 @@ _CALL: Final = re.compile(r"\s*(\w+)\s*\(")
 _CALLED: Final = re.compile(r"\b(\w++)\s*+\(")
 _STARTED: Final = re.compile(r"\s*(?:GLOBAL\s+)?(INTERRUPT|TRIGGER)\b", re.IGNORECASE)
 _HANDLER: Final = re.compile(r"\bDO\s+(\w+)\s*\(", re.IGNORECASE)
+_FRAMES_STARTED: Final = re.compile(r"\bDO\s+\$(BASE|TOOL)\b", re.IGNORECASE)
+_FRAMES_HANDED: Final = re.compile(r"(?:^|,)\s*\$(BASE|TOOL)\s*(?=,|$)", re.IGNORECASE)
 _GLOBAL: Final = re.compile(
     r"\s*(?:DECL\s+GLOBAL|GLOBAL\s+DECL|GLOBAL)\s+(?!DEF|INTERRUPT|DECL)\w+\s+([^=]+)",
     re.IGNORECASE,
@@ -232,7 +234,15 @@ class KrlWalk(KrlPoints):
         node = self.flow.call(2 * line, followed) if followed else -1
         for called, arguments in split_calls(code):
             routine = self.scope.routine(called, line)
+            if routine in followed:  # it may be handed over by reference
+                self._lose_frames(line, _FRAMES_HANDED.findall(",".join(arguments)))
             self.values.calls.append(KrlCall(line, node, routine, arguments))
+
+    def _lose_frames(self, line: int, sides: list[str]) -> None:
+        """Enters that BASE or TOOL may be set from here on by what is not followed."""
+        for side in sides:
+            what, cure = "may be set by a routine or trigger here", "set it again after this line"
+            self._put(line, side.lower(), self.frames.unknown(side.lower(), line, what, cure))
 
     def _routines_to_follow(self, routines: list[str]) -> list[str]:
         """Returns the routines that may change something: of the job, or not known."""
@@ -277,6 +287,8 @@ class KrlWalk(KrlPoints):
         counted = _COUNTED.match(code) if word == "for" else None
         if counted:
             self.values.change(counted[1].lower(), VariableChange(line, "", "", None))
+        if word in ("interrupt", "trigger"):
+            self._lose_frames(line, _FRAMES_STARTED.findall(code))
         if word == "resume":
             self.flow.resume()
             self.values.resumes = True

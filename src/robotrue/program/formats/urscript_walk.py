@@ -41,7 +41,7 @@ _ASKED: Final = re.compile(rb"(?<![\w.])([A-Za-z_]\w*+)\s*+\(")
 _BUILT_IN: Final = re.compile(
     r"(?:get|is|str|to|pose|modbus|rtde|socket|read|write|request|path_offset|conveyor|encoder|zero|"
     r"screw_driving|interpolate|wrench|point|undo|watchdog|track_conveyor|force_mode|freedrive_mode|"
-    r"end_force|end_freedrive|end_teach|end_screw|teach_mode|bin|binary|integer|list)(?:_\w+)?|"
+    r"end_force|end_freedrive|end_teach|end_screw|teach_mode|bin|binary|integer|list|struct)(?:_\w+)?|"
     r"(?:opti)?move[a-z]|servo[a-z]|speed[a-z]|stop[jl]|stop_conveyor_tracking|(?:enter|exit)_critical|"
     r"set_(?:analog|base_acc|configurable|conveyor|digital|euromap|flag|gp|gravity|input_actions|"
     r"payload|runstate|safety_mode|standard|target_payload|tool_(?:analog|comm|digital|output|"
@@ -116,6 +116,7 @@ class ScriptWalk:
         self._at, self._scope, self._routines = 0, "", routines
         self._shares = False
         self._own = {routine.name for routine in routines if routine.name}
+        self._threads = {routine.name for routine in routines if routine.parallel}
         self._blocks: list[str] = []
         self._literal_frames: dict[bytes, int] = {}
         self._given = 0  # literals given to variables
@@ -193,7 +194,7 @@ class ScriptWalk:
         """
         self._mention(start, end)
         called = [name.decode() for name in _CALLED.findall(self.code, start, end)]
-        own = [name for name in called if name in self._own]
+        own = [name for name in called if name in self._own - self._threads]
         calls = self._outside(start, end) or bool(own)
         certain = not _MAYBE.search(self.code, start, end) if own else True
         for name in own:
