@@ -7,11 +7,10 @@ from collections.abc import Callable, Collection, Container
 from typing import Final
 
 from robotrue.program.formats import rapid_scan as scan
-from robotrue.program.formats.rapid_beside import LATE, CallsBeside, list_routines
-from robotrue.program.formats.rapid_data import Data
-from robotrue.program.formats.rapid_flow import AXES_SHIFTED, FOREIGN, SHIFTED, SHIFTS, RapidFlow
-from robotrue.program.formats.rapid_frames import TOOL, WORK, RapidFrames
-from robotrue.program.formats.rapid_values import RapidTask
+from robotrue.program.formats.rapid_beside import LATE, list_routines
+from robotrue.program.formats.rapid_data import Data, RapidSource
+from robotrue.program.formats.rapid_flow import AXES_SHIFTED, FOREIGN, SHIFTED, SHIFTS
+from robotrue.program.formats.rapid_frames import TOOL, WORK
 
 _MAYBE: Final = re.compile(rb"\b(?:and|or)\b", re.IGNORECASE)
 """What may keep a function behind it from being called."""
@@ -21,32 +20,23 @@ class Calls(Data):
     """The calls while a module is read.
 
     Attributes:
-        beside: What the routines of other modules do.
         routines: Names of the module's routines read so far.
         changing: First byte of the first call of each routine of other modules that changes data.
         has_functions: Functions of the task may change something.
     """
 
-    def __init__(
-        self,
-        data: bytes,
-        name: str,
-        frames: RapidFrames,
-        course: RapidFlow,
-        task: RapidTask | None = None,
-        beside: CallsBeside | None = None,
-    ) -> None:
-        super().__init__(data, name, frames, course, task)
-        self.beside, self.routines = beside or CallsBeside(), set[str]()
+    def __init__(self, source: RapidSource) -> None:
+        super().__init__(source)
+        self.routines = set[str]()
         self.changing: dict[str, int] = {}
         self._calls: list[tuple[int, str, int]] = []
         self._shifts: list[tuple[int, str]] = []
-        self._functions = scan.list_functions(data)
-        self._procedures = [n for n, r in list_routines(data).items() if r.kind == "proc"]
+        self._functions = scan.list_functions(self.data)
+        self._procedures = [n for n, r in list_routines(self.data).items() if r.kind == "proc"]
         self.has_functions = bool(self._functions or self.beside.functions)
         for reach in self.beside.handlers.values():
             for each in reach.back:
-                course.handler(each)
+                self.course.handler(each)
 
     def call(self, name: str, offset: int) -> None:
         """Passes through a routine, and through those of this module that it may call."""

@@ -10,7 +10,7 @@ import numpy as np
 
 from robotrue.program.formats import rapid_scan as scan
 from robotrue.program.formats.number_table import NumberTable
-from robotrue.program.formats.rapid_beside import RapidRoutine, RoutineReader
+from robotrue.program.formats.rapid_beside import CallsBeside, RapidRoutine, RoutineReader
 from robotrue.program.formats.rapid_expression import PURE
 from robotrue.program.formats.rapid_flow import RapidFlow
 from robotrue.program.formats.rapid_frames import KINDS, TOOL, WORK, RapidFrames
@@ -128,6 +128,17 @@ def _lower(name: bytes) -> str:
     return name.decode("latin-1").lower()
 
 
+class RapidSource(NamedTuple):
+    """A module to be read, and what is known of its task: other modules and their frames."""
+
+    data: bytes
+    name: str
+    frames: RapidFrames
+    course: RapidFlow
+    task: RapidTask
+    beside: CallsBeside
+
+
 class Data:
     """Values of declarations and assignments while a module is read.
 
@@ -136,6 +147,7 @@ class Data:
         name: File name.
         frames: Tools and work objects.
         course: The ways through the program.
+        beside: What the routines of other modules do.
         table: Numbers of the points.
         story: What the walk collects.
         variables: Points by name.
@@ -146,22 +158,15 @@ class Data:
         scope: Routine being read, empty outside of all.
     """
 
-    def __init__(
-        self,
-        data: bytes,
-        name: str,
-        frames: RapidFrames,
-        course: RapidFlow,
-        task: RapidTask | None = None,
-    ) -> None:
-        self.values = RapidValues(course, task or RapidTask(), name)
+    def __init__(self, source: RapidSource) -> None:
+        self.data, self.name, self.frames, self.course, task, self.beside = source
+        self.values = RapidValues(self.course, task, self.name)
         self.derived: list[tuple[tuple[str, str], str, int, int]] = []
         self.read: set[tuple[str, str]] = set()
-        self.data, self.name, self.frames, self.course = data, name, frames, course
-        self.table = NumberTable(data, LAYOUTS, b"!")
+        self.table = NumberTable(self.data, LAYOUTS, b"!")
         self.story, self.variables = ParsedRapid(), Variables()
         self.place, self.scope = 0, ""
-        self._starts = line_starts(data)
+        self._starts = line_starts(self.data)
 
     def declare(self, statement: scan.RapidStatement) -> bool:
         """Enters a declaration; returns whether the statement is one."""

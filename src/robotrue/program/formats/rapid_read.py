@@ -11,7 +11,7 @@ from typing import Final
 from robotrue.errors import FormatError
 from robotrue.program.formats.rapid_beside import CallsBeside, list_routines
 from robotrue.program.formats.rapid_build import build
-from robotrue.program.formats.rapid_data import SharedData, read_shared_data
+from robotrue.program.formats.rapid_data import RapidSource, SharedData, read_shared_data
 from robotrue.program.formats.rapid_flow import RapidFlow
 from robotrue.program.formats.rapid_frames import RapidFrames
 from robotrue.program.formats.rapid_values import RapidTask
@@ -68,7 +68,8 @@ def _read_module(
     table = RapidFrames(frames, own.name, course)
     course.own = table.own
     if number and not own.moves:  # it gives data only
-        return build(RapidWalk(own.data, own.name, table, course, task), frames)
+        source = RapidSource(own.data, own.name, table, course, task, CallsBeside())
+        return build(RapidWalk(source), frames)
     beside = [other for other in files if other.tells and other is not own]
     for other in beside:
         table.declare_beside(other.shared.frames)
@@ -77,7 +78,7 @@ def _read_module(
     routines = {each.name: each.shared.routines for each in beside}
     routines[own.name] = list_routines(own.data)
     calls = CallsBeside(own.name, routines, frames.harmless_routines)
-    walk = RapidWalk(own.data, own.name, table, course, task, calls)
+    walk = RapidWalk(RapidSource(own.data, own.name, table, course, task, calls))
     walk.all()
     if not walk.story.begun:
         raise FormatError(

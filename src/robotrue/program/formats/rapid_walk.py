@@ -10,12 +10,11 @@ from robotrue.core.arrays import Array
 from robotrue.errors import FormatError
 from robotrue.program.formats import rapid_scan as scan
 from robotrue.program.formats.expression import NotConstantError
-from robotrue.program.formats.rapid_beside import CallsBeside, called_by_name
+from robotrue.program.formats.rapid_beside import called_by_name
 from robotrue.program.formats.rapid_calls import Calls
-from robotrue.program.formats.rapid_data import LITERAL, NOTHING, POSE
+from robotrue.program.formats.rapid_data import LITERAL, NOTHING, POSE, RapidSource
 from robotrue.program.formats.rapid_expression import flat_numbers, pose_of
-from robotrue.program.formats.rapid_flow import SHIFTS, RapidFlow
-from robotrue.program.formats.rapid_frames import RapidFrames
+from robotrue.program.formats.rapid_flow import SHIFTS
 from robotrue.program.formats.rapid_moves import (
     BUILT_IN,
     Move,
@@ -24,7 +23,7 @@ from robotrue.program.formats.rapid_moves import (
     move_of,
     read_tail,
 )
-from robotrue.program.formats.rapid_values import RapidChange, RapidTask
+from robotrue.program.formats.rapid_values import RapidChange
 from robotrue.program.formats.text_lines import line_at
 from robotrue.program.program import Motion, Reason
 
@@ -58,21 +57,12 @@ class _Motion(NamedTuple):
 class RapidWalk(Calls):
     """One reading of a module, with frames from the files next to it."""
 
-    def __init__(
-        self,
-        data: bytes,
-        name: str,
-        frames: RapidFrames,
-        course: RapidFlow,
-        task: RapidTask | None = None,
-        beside: CallsBeside | None = None,
-    ) -> None:
-        super().__init__(data, name, frames, course, task, beside)
+    def __init__(self, source: RapidSource) -> None:
+        super().__init__(source)
         self._moves: list[_Motion] = []
         self._barriers = 0
         self._open, self._in_record, self._with_parameters = 0, False, False
         self._tails: dict[tuple[bytes, bytes], tuple[Move | None, Tail | None]] = {}
-        self._shifts: list[tuple[int, str]] = []
         self._handler = 0  # where the error handler being read begins
 
     def all(self) -> None:
