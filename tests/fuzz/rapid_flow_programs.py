@@ -116,7 +116,8 @@ class RapidFlowWriter:
 
     def _asked(self) -> list[str]:
         """A function that may do more than answer."""
-        side = self.pen.pick("", "n:=3-n;", self._setting(11, ""), self._move(""))
+        frame = "" if self.calm else self._setting(11, "")
+        side = self.pen.pick("", "n:=3-n;", frame, self._move(""))
         return ["FUNC num ask()", side, "IF di9=1 THEN", "RETURN 1;", "ENDIF", "RETURN 2;",
                 "ENDFUNC"]  # fmt: skip
 
@@ -301,7 +302,7 @@ class RapidFlowWriter:
             return [
                 pen.pick(f"byref {free};", f"byref {free};", f"byval {self._target()};", within)
             ]
-        if kind == 28 and self.beside:
+        if kind == 28 and self.beside and not (self.calm and pen.chance(0.75)):
             return [pen.pick("helper;", "helper;", "n:=helped();")]
         if kind == 29 and not self.calm:
             return [f"IF di8=1 {pen.pick('ExitCycle;', 'EXIT;')}"]
