@@ -37,6 +37,8 @@ from sinumerik_controller import SinumerikController
 from sinumerik_flow_programs import SinumerikFlowWriter
 from urscript_controller import UrController
 from urscript_flow_programs import UrFlowWriter
+from val3_controller import Val3Controller
+from val3_flow_programs import Val3FlowWriter
 from written import TABLE, Pen
 
 from robotrue.core.poses import inverse
@@ -92,6 +94,7 @@ EXECUTED = {
         lambda pen: FanucGcodeFlowWriter(pen).job(), _runs(FanucGcodeController), GCODE_FRAMES
     ),
     "rapid": Executed(lambda pen: RapidFlowWriter(pen).job(), RapidController),
+    "val3": Executed(lambda pen: Val3FlowWriter(pen).job(), Val3Controller),
 }
 
 

@@ -98,14 +98,69 @@ def test_a_value_that_cannot_be_written_is_refused() -> None:
         ("call setup()", [Reason.EXPRESSION] * 4),
         ('taskCreate "t",10,watch()', [Reason.EXPRESSION] * 4),
         ("movel(appro(pPath[0],{0,0,-50,0,0,0}),tMill,mNom)", [NONE] * 4),
-        ("movel(compose(pPath[0],fCell,tr),tMill,mNom)", [NONE] * 4),
+        ("movel(compose(pPath[0],fCell,{0,0,9,0,0,0}),tMill,mNom)", [NONE] * 4),
+        ("movel(compose(pPath[0],fCell,tr),tMill,mNom)", [Reason.EXPRESSION] * 4),
         ("pThere=here(tMill,fCell)", [NONE] * 4),
+        ("nLast=size(pPath)-1", [NONE] * 4),
+        ("trHere=position(pPath[0],fCell)", [Reason.EXPRESSION] * 4),
+        ("setFrame(appro(pPath[0],tr),pSafe,pSafe,fOther)", [Reason.EXPRESSION] * 4),
+        ("call cut(appro(pPath[0],tr))", [Reason.EXPRESSION] * 4),
+        ("pThere.trsf=appro(pPath[0],tr).trsf", [Reason.EXPRESSION] * 4),
+        ("pThere=appro(pPath[0],tr)\n  movel(pThere,tMill,mNom)", [NONE] * 4),
+        ("pThere=appro(pPath[0],tr)\n  fOther.trsf=pThere.trsf", [Reason.EXPRESSION] * 4),
+        ("pA=appro(pPath[0],tr)\n  pB=appro(pA,tr)\n  nX=pB.trsf.x", [Reason.EXPRESSION] * 4),
+        ("movec(pOther,pPath[3],tMill,mNom)", [NONE] * 2 + [Reason.INCOMPLETE] * 2),
+        ('taskCreateSync "t",0.004,bLate,watch()', [Reason.EXPRESSION] * 4),
+        ('taskCreate "t"+toString("",n),10,watch(1,(2))', [Reason.EXPRESSION] * 4),
+        ("if fCell.trsf.z>tMill.trsf.z", [NONE] * 4),
+        ("fOther=fCell\n  trWorld=position(fCell,world)", [NONE] * 4),
+        ("pThere=jointToPoint(tMill,fCell,jHome)", [NONE] * 4),
     ],
 )
 def test_what_a_statement_does_to_the_points(statement: str, reasons: list[Reason]) -> None:
     program = read_points(BODY.replace("waitEndMove()", statement))
     assert program.reason[:4].tolist() == reasons
     assert write_program(program, move_by(program, 0.0)) == DTX.encode()
+
+
+def test_targets_computed_from_a_point_are_reported() -> None:
+    program = read_points(BODY.replace("waitEndMove()", "movel(appro(pPath[0],tr),tMill,mNom)"))
+    moves = "app.dtx:19, 20, 21, 22: this point is also in appro or compose: targets computed"
+    assert any(note.startswith(moves) for note in program.notes)
+    program = read_points(BODY.replace("waitEndMove()", "movel(appro(pSafe,tr),tMill,mNom)"))
+    assert program.reason[4] == Reason.RELATIVE
+    assert "app.dtx:25: points are used only in appro or compose; not compensated." in program.notes
+
+
+def test_a_parameter_by_reference_takes_a_shifted_point_out_of_sight() -> None:
+    body = BODY.replace("waitEndMove()", "x_p=appro(pPath[0],tr)")
+    own = '<Parameters><Parameter name="x_p" type="pointRx" {} /></Parameters>\n'
+    assert read_points(body, own=own.format("")).reason[0] == NONE
+    shared = read_points(body, own=own.format('use="reference"'))
+    assert shared.reason[0] == Reason.EXPRESSION
+
+
+@pytest.mark.parametrize(
+    ("statement", "expected"),
+    [
+        ("movel(lib:pSafe,tMill,mNom)", NONE),
+        ("movel(lib:pPath[nI],tOther,mNom)", Reason.EXPRESSION),
+        ("lib:pPath[1].trsf.x=5", Reason.EXPRESSION),
+        ("lib:fCell.trsf.z=5", Reason.UNKNOWN_FRAME),
+        ("lib:tMill=tOther", Reason.UNKNOWN_FRAME),
+        ("movel(pOwn,lib:tMill,mNom)", NONE),
+    ],
+)
+def test_data_of_a_library_that_another_application_names(statement: str, expected: Reason) -> None:
+    own = DTX[: DTX.index("    <Data")] + (
+        '<Data name="pOwn" type="pointRx"><Value x="1" y="2" z="3" rx="0" ry="0" rz="0" /></Data>'
+        "</Datas></Database>"
+    )
+    files = [("own.dtx", own), ("own.pgx", pgx(f"begin\n  {statement}\nend", name="start"))]
+    files += [("app.dtx", DTX), ("cut.pgx", pgx())]
+    job = [(name, text.encode()) for name, text in files]
+    programs = find_language("val3").read_job(job, frames=FrameTable())
+    assert programs[2].reason[:2].tolist() == [expected] * 2
 
 
 @pytest.mark.parametrize(

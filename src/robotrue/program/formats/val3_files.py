@@ -1,22 +1,19 @@
 """The XML files of a VAL3 application: points, frames and tools of a ``.dtx``, code of a ``.pgx``.
 
 Parsed with the standard library's expat, which reports the first byte of an element; a document
-type declaration is refused before anything is expanded. Of the code it is read how motions use the
-data, and which of them other statements may change.
+type declaration is refused before anything is expanded.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, field
-from operator import itemgetter
 from typing import Final, NamedTuple
 from xml.parsers import expat
 
 from robotrue.errors import FormatError
 from robotrue.program.formats.text_lines import require_text
-from robotrue.program.program import Motion
 
 POINT: Final = "pointRx"
 JOINTS: Final = "jointRx"
@@ -26,20 +23,6 @@ _TARGETS: Final = (POINT, JOINTS)
 _KEPT: Final = (*_TARGETS, "frame", "tool")
 _COMMENT: Final = re.compile(r'"(?:[^"\\\n]|\\[^\n])*+"?+|//[^\n]*+')
 """Text and comments of the code: what names nothing."""
-_NAME: Final = r"[A-Za-z_]\w*+(?::[A-Za-z_]\w*+)?+"
-_REF: Final = rf"\s*+({_NAME})\s*+(?:\[((?:[^\[\]\n]|\[[^\[\]\n]*+\])*+)\])?+\s*+"
-_MOVE: Final = re.compile(
-    rf"\b(?:move([jl])\s*+\(|movec\s*+\({_REF},){_REF},{_REF},[^()\n]*+\)", re.ASCII
-)
-_COMPUTED: Final = re.compile(r"\bmove([jlc])\s*+\(", re.ASCII)
-_CALL: Final = re.compile(
-    rf"\bcall\s++({_NAME})|\btaskCreate\b[^\n(]{{0,200}}?,\s*+({_NAME})\s*+\("
-)
-_WORD: Final = re.compile(rf"({_NAME})|([()\[\]])|([^\w\s()\[\]]++)", re.ASCII)
-_READ_ONLY: Final = frozenset({"appro", "open", "close", "here", "compose", "position"})
-_MOVES: Final = frozenset({"movej", "movel", "movec"})
-"""Functions that change nothing they are given, apart from the point they return."""
-_MOTIONS: Final = {"j": Motion.PTP, "l": Motion.LIN, "c": Motion.ARC_END}
 
 
 class FrameValue(NamedTuple):
@@ -87,6 +70,7 @@ class Val3Routine:
         name: Of the program.
         file: Of the job.
         own: Names of its parameters and local variables.
+        given: Those of the parameters that mean a variable of the caller.
         line: One-based line its code begins in.
         code: The code with blanks for text and comments.
     """
@@ -94,6 +78,7 @@ class Val3Routine:
     name: str
     file: int
     own: set[str] = field(default_factory=set)
+    given: set[str] = field(default_factory=set)
     line: int = 0
     code: str = ""
 
@@ -229,6 +214,8 @@ class _Reader:
     def _add_own(self, attributes: dict[str, str]) -> None:
         if self.content.routines:
             self.content.routines[-1].own.add(attributes.get("name", ""))
+            if attributes.get("use") == "reference":
+                self.content.routines[-1].given.add(attributes.get("name", ""))
 
     def _begin_code(self, _: dict[str, str]) -> None:
         if self.content.routines:
@@ -243,144 +230,6 @@ class _Reader:
             )
 
 
-class Reference(NamedTuple):
-    """A variable as a statement names it.
-
-    Attributes:
-        name: Of the variable.
-        key: Its element; None if that is computed.
-    """
-
-    name: str
-    key: str | None
-
-    def __str__(self) -> str:
-        return self.name if self.key in ("0", None) else f"{self.name}[{self.key}]"
-
-
-class Val3Move(NamedTuple):
-    """One motion.
-
-    Attributes:
-        motion: PTP, LIN or ARC_END.
-        via: Auxiliary point of an arc.
-        target: None if it is computed.
-        tool: Likewise.
-        file: Of the job.
-        line: One-based.
-    """
-
-    motion: Motion
-    via: Reference | None
-    target: Reference | None
-    tool: Reference | None
-    file: int
-    line: int
-
-
-@dataclass(slots=True)
-class CodeUse:
-    """What the code of an application does with its data.
-
-    Attributes:
-        moves: Motions in the order of the text.
-        touched: Names that other statements may change.
-        computed: Names in motions to a target that is computed.
-        calls: Routines that are called, and where first (file, line).
-    """
-
-    moves: list[Val3Move]
-    touched: set[str]
-    computed: set[str]
-    calls: dict[str, tuple[int, int]]
-
-
-def read_code(routines: list[Val3Routine]) -> CodeUse:
-    """Returns what the routines of an application do with its data."""
-    use = CodeUse([], set(), set(), {})
-    for routine in routines:
-        _read_routine(routine, use)
-    return use
-
-
-def _read_routine(routine: Val3Routine, use: CodeUse) -> None:
-    moves, places, rest = _cut_moves(routine)
-    computed = [
-        (match.start(), Val3Move(_MOTIONS[match[1]], None, None, None, routine.file, line))
-        for match, line in _find_lines(_COMPUTED, rest, routine.line)
-    ]
-    if computed:
-        ordered = sorted([*zip(places, moves, strict=True), *computed], key=itemgetter(0))
-        moves = [move for _, move in ordered]
-    use.moves += moves
-    for match, line in _find_lines(_CALL, rest, routine.line):
-        use.calls.setdefault(match[1] or match[2], (routine.file, line))
-    _note_touched(routine, rest, use)
-
-
-def _cut_moves(routine: Val3Routine) -> tuple[list[Val3Move], list[int], str]:
-    """Returns the plain motions, the code without them, and the place in it after each."""
-    code, moves, places, size, last = routine.code, [], [], 0, 0
-    pieces: list[str] = []
-    tools: dict[tuple[str, str | None], Reference | None] = {}
-    for match, line in _find_lines(_MOVE, code, routine.line):
-        how, via, via_key, target, key, tool, tool_key = match.groups()
-        named = tool, tool_key
-        if named not in tools:
-            tools[named] = _refer(routine, tool, tool_key)
-        moves.append(
-            Val3Move(
-                _MOTIONS[how or "c"],
-                _refer(routine, via, via_key) if via else None,
-                _refer(routine, target, key),
-                tools[named],
-                routine.file,
-                line,
-            )
-        )
-        start, end = match.span()
-        blank = "\n" * code.count("\n", start, end) or " "
-        pieces += code[last:start], blank
-        size += start - last + len(blank)
-        places.append(size)
-        last = end
-    return moves, places, "".join([*pieces, code[last:]])
-
-
-def _find_lines(
-    pattern: re.Pattern[str], text: str, line: int
-) -> Iterator[tuple[re.Match[str], int]]:
-    """Yields the matches in a text that begins in a line, with the line each begins in."""
-    last = 0
-    for match in pattern.finditer(text):
-        line += text.count("\n", last, match.start())
-        last = match.start()
-        yield match, line
-
-
 def _blank(match: re.Match[str]) -> str:
     text = match[0]
     return re.sub(r"[^\n]", " ", text) if "\n" in text else " " * len(text)
-
-
-def _refer(routine: Val3Routine, name: str, key: str | None) -> Reference | None:
-    """The variable of the application that a name means; None for one of the routine's own."""
-    if name in routine.own:
-        return None
-    text = "0" if key is None else key.strip()
-    plain = text.isascii() and text.isdecimal()
-    return Reference(name, (text.lstrip("0") or "0") if plain else None)
-
-
-def _note_touched(routine: Val3Routine, code: str, use: CodeUse) -> None:
-    """Notes the names outside of plain motions, but for those that a function only reads."""
-    functions, before = [""], ""
-    for match in _WORD.finditer(code):
-        name, bracket, _ = match.groups()
-        if bracket in ("(", "["):
-            functions.append(before if bracket == "(" else functions[-1])
-        elif bracket and len(functions) > 1:
-            functions.pop()
-        elif name and name not in routine.own and functions[-1] not in _READ_ONLY:
-            (use.computed if functions[-1] in _MOVES else use.touched).add(name)
-        before = name or ""

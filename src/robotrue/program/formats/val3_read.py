@@ -17,15 +17,8 @@ from robotrue.errors import FormatError
 from robotrue.program.formats.shared_fate import share_fate
 from robotrue.program.formats.target_notes import TargetNotes, absent_routine
 from robotrue.program.formats.target_tokens import POSE, TargetTokens, values_of
-from robotrue.program.formats.val3_files import (
-    CodeUse,
-    FrameValue,
-    Reference,
-    Val3File,
-    Val3Move,
-    read_code,
-    read_val3_file,
-)
+from robotrue.program.formats.val3_code import CodeUse, Reference, Val3Move, read_code
+from robotrue.program.formats.val3_files import FrameValue, Val3File, read_val3_file
 from robotrue.program.formats.val3_numbers import POSE_NAMES, find_point_numbers
 from robotrue.program.program import FrameTable, Motion, Program, Reason
 
@@ -59,17 +52,20 @@ class _Application:
         for file in range(len(files)):
             self._add_points(file)
         routines = [routine for content in held for routine in content.routines]
-        self.use: CodeUse = read_code(routines)
+        databases = sum(bool(content.points.line or content.frames) for content in held)
+        self.use: CodeUse = read_code(routines, shared=databases > 1)
         known = {routine.name for routine in routines} | {*given.harmless_routines}
         self.absent = {name: place for name, place in self.use.calls.items() if name not in known}
         self.frames = {
-            side: _Frames(side, held, given, self.use.touched) for side in ("base", "tool")
+            side: _Frames(side, held, given, self.use.changed) for side in ("base", "tool")
         }
         self.tool = [[0] * len(points.line) for points in self.points]
         self.motion = [[_UNUSED] * len(points.line) for points in self.points]
         self.clash = [[False] * len(points.line) for points in self.points]
+        self.parted = [[False] * len(points.line) for points in self.points]
         self.path = [array("q") for _ in files]
         self.arcs: list[list[list[int]]] = [[] for _ in files]
+        self._arcs: set[tuple[Reference | None, Reference | None]] = set()
         self._whole: dict[tuple[str, str], None] = {}
         self._tools: dict[Reference | None, int] = {}
         for place, move in enumerate(self.use.moves):
@@ -93,31 +89,46 @@ class _Application:
         ends = [(move.target, move.motion)]
         if move.motion == Motion.ARC_END:
             ends.insert(0, (move.via, Motion.ARC_VIA))
-        reached = []
+            self._join_arc(move)
         for target, motion in ends:
             rows = self._find_rows(target, move.tool)
             for file, row in rows:
                 self._use(file, row, motion, move)
             if len(rows) == 1 and target is not None and target.key is not None:
-                reached += rows
                 self.path[rows[0][0]].extend((place, rows[0][1], motion))
             else:
                 self.path[move.file].extend((place, -move.line, motion))
-        if len(reached) == 2 and reached[0][0] == reached[1][0]:
-            self.arcs[reached[0][0]].append([row for _, row in reached])
+
+    def _join_arc(self, move: Val3Move) -> None:
+        """Lets the points of an arc be compensated together; alone they are not."""
+        pair = move.via, move.target
+        if pair in self._arcs:
+            return
+        self._arcs.add(pair)
+        sides = [self._list_rows(each) for each in pair]
+        found = [place for side in sides for place in side]
+        files = {file for file, _ in found}
+        if all(sides) and len(files) == 1:
+            self.arcs[files.pop()].append([row for _, row in found])
+            return
+        for file, row in found:
+            self.parted[file][row] = True
+
+    def _list_rows(self, target: Reference | None) -> list[tuple[int, int]]:
+        """The points a target may mean; with a computed subscript all of the array."""
+        array = self.rows.get(target.name, {}) if target is not None else {}
+        if target is None or target.key is None:
+            return list(array.values())
+        return [array[target.key]] if target.key in array else []
 
     def _find_rows(self, target: Reference | None, tool: Reference | None) -> list[tuple[int, int]]:
         """The points a motion may go to; with a computed subscript all, once with each tool."""
-        if target is None or target.name not in self.rows:
-            return []
-        array = self.rows[target.name]
-        if target.key is not None:
-            return [array[target.key]] if target.key in array else []
-        asked = (target.name, str(tool))
-        if asked in self._whole or sum(name == target.name for name, _ in self._whole) > 1:
-            return []
-        self._whole[asked] = None
-        return list(array.values())
+        if target is not None and target.key is None:
+            asked = (target.name, str(tool))
+            if asked in self._whole or sum(name == target.name for name, _ in self._whole) > 1:
+                return []
+            self._whole[asked] = None
+        return self._list_rows(target)
 
     def _use(self, file: int, row: int, motion: Motion, move: Val3Move) -> None:
         tool = self._tools.get(move.tool, -1)
@@ -180,6 +191,7 @@ class _Application:
         unused = np.array(self.motion[file], np.int64) == Motion.UNUSED
         named = self.use.touched | self.use.computed
         touched = np.array([variable in named for variable in points.name], np.bool_)
+        followed = np.array([variable in self.use.followed for variable in points.name], np.bool_)
         short = np.isnan(tokens.value).any(axis=1)
         said = (
             (
@@ -189,6 +201,11 @@ class _Application:
             ),
             (lost_tool & ~unused, Reason.UNKNOWN_FRAME, self.frames["tool"].explain()),
             (lost_frame, Reason.UNKNOWN_FRAME, self.frames["base"].explain()),
+            (
+                np.array(self.parted[file], np.bool_),
+                Reason.INCOMPLETE,
+                "the other point of an arc is computed or in another file",
+            ),
             (short, Reason.INCOMPLETE, "numbers of points are left out; write all six"),
             (touched, Reason.EXPRESSION, "points are named by other statements than motions"),
             (unused, Reason.UNUSED, ""),
@@ -197,6 +214,9 @@ class _Application:
             reason[rows] = why
             if sentence:
                 notes.rows(rows & ~unused, f"{sentence}; not compensated")
+        based = unused & followed & ~touched
+        reason[based] = Reason.RELATIVE
+        notes.rows(based, "points are used only in appro or compose; not compensated")
         if self.absent and len(axis):
             reason[~unused] = Reason.EXPRESSION
             where, line = next(iter(self.absent.values()))
@@ -204,6 +224,11 @@ class _Application:
             place = f"{self.files[where][0]}:{line}"
             notes.say(absent_routine(place, list(self.absent), what))
         share_fate(reason, self.arcs[file])
+        notes.rows(
+            followed & np.isin(reason, (Reason.NONE, Reason.JOINT_TARGET)),
+            "this point is also in appro or compose: targets computed from it move with its "
+            "correction",
+        )
         return reason
 
 
@@ -219,10 +244,10 @@ class _Frames:
         side: str,
         held: Sequence[Val3File],
         given: FrameTable,
-        touched: set[str],
+        changed: set[str],
     ) -> None:
         self._given = given.bases if side == "base" else given.tools
-        self._root, self._touched, self._side = _ROOTS[side], touched, side
+        self._root, self._changed, self._side = _ROOTS[side], changed, side
         kind = "frame" if side == "base" else "tool"
         self._values = {
             (value.name, value.key): value
@@ -273,7 +298,7 @@ class _Frames:
         if self._is_stated(name):
             self._index[name] = len(self.matrices)
             self.matrices.append(np.asarray(self._given[_spell(name)], np.float64))
-        elif name[0] in self._touched:
+        elif name[0] in self._changed:
             self._lose(name, f"{_spell(name)} is changed by the code")
         elif value is None:
             self._lose(name, f"{_spell(name)} is in no file given")

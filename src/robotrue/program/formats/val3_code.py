@@ -1,0 +1,266 @@
+"""What the code of a VAL3 application does with its data.
+
+Which points its motions go to with which tools, and what other statements do with points, frames
+and tools: a point whose value is read anywhere cannot be moved, a frame may be read.
+"""
+
+from __future__ import annotations
+
+import re
+from collections import defaultdict
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from operator import itemgetter
+from typing import Final, NamedTuple
+
+from robotrue.program.formats.val3_files import Val3Routine
+from robotrue.program.program import Motion
+
+_NAME: Final = r"[A-Za-z_]\w*+(?::[A-Za-z_]\w*+)?+"
+_REF: Final = rf"\s*+({_NAME})\s*+(?:\[((?:[^\[\]\n]|\[[^\[\]\n]*+\])*+)\])?+\s*+"
+_MOVE: Final = re.compile(
+    rf"\b(?:move([jl])\s*+\(|movec\s*+\({_REF},){_REF},{_REF},[^()\n]*+\)", re.ASCII
+)
+_COMPUTED: Final = re.compile(r"\bmove([jlc])\s*+\(", re.ASCII)
+_INSIDE: Final = r"(?:[^()\n]|\((?:[^()\n]|\([^()\n]*+\))*+\)){0,2000}"
+_CALL: Final = re.compile(
+    rf"\bcall\s++({_NAME})|\btaskCreate(?:Sync)?+\b{_INSIDE},\s*+({_NAME})\s*+\("
+)
+_WORD: Final = re.compile(rf"({_NAME})|([()\[\]])|([^\w\s()\[\]]++)", re.ASCII)
+_ASSIGNED: Final = re.compile(rf"{_REF}(\.[^=\n]*+)?+=(?!=)", re.ASCII)
+_ZERO: Final = r",\s*+[-+]?+0*+(?:\.0*+)?+\s*+"
+_UNTURNED: Final = re.compile(rf"\([^{{}}()]*+\{{[^{{}}]*?{_ZERO}{_ZERO}{_ZERO}\}}\s*+\)", re.ASCII)
+"""Arguments of ``compose`` whose transformation only shifts."""
+_MOVES: Final = frozenset({"movej", "movel", "movec"})
+_SHIFTS: Final = frozenset({"appro", "compose"})
+_READERS: Final = frozenset({"position", "jointToPoint", "pointToJoint", "distance", *_SHIFTS})
+"""Functions that read values, and change neither points nor frames nor tools."""
+_UNREAD: Final = frozenset({"open", "close", "here", "size", "isDefined"})
+"""Functions that read no value of a point."""
+_KEYWORDS: Final = frozenset("if elseif while until switch case to step and or not return".split())
+_MOTIONS: Final = {"j": Motion.PTP, "l": Motion.LIN, "c": Motion.ARC_END}
+
+
+class Reference(NamedTuple):
+    """A variable as a statement names it.
+
+    Attributes:
+        name: Of the variable.
+        key: Its element; None if that is computed.
+    """
+
+    name: str
+    key: str | None
+
+    def __str__(self) -> str:
+        return self.name if self.key in ("0", None) else f"{self.name}[{self.key}]"
+
+
+class Val3Move(NamedTuple):
+    """One motion.
+
+    Attributes:
+        motion: PTP, LIN or ARC_END.
+        via: Auxiliary point of an arc.
+        target: None if it is computed.
+        tool: Likewise.
+        file: Of the job.
+        line: One-based.
+    """
+
+    motion: Motion
+    via: Reference | None
+    target: Reference | None
+    tool: Reference | None
+    file: int
+    line: int
+
+
+@dataclass(slots=True)
+class CodeUse:
+    """What the code of an application does with its data.
+
+    Attributes:
+        moves: Motions in the order of the text.
+        touched: Names that get other values, or whose values are read.
+        changed: Names that may get other values: what matters for frames and tools.
+        computed: Names in motions to a target that is computed.
+        followed: Names from which targets are computed by a shift.
+        calls: Routines that are called, and where first (file, line).
+    """
+
+    moves: list[Val3Move] = field(default_factory=list)
+    touched: set[str] = field(default_factory=set)
+    changed: set[str] = field(default_factory=set)
+    computed: set[str] = field(default_factory=set)
+    followed: set[str] = field(default_factory=set)
+    calls: dict[str, tuple[int, int]] = field(default_factory=dict)
+
+
+def read_code(routines: list[Val3Routine], *, shared: bool = False) -> CodeUse:
+    """Returns what the routines of an application do with its data.
+
+    Args:
+        routines: Of all its files.
+        shared: The data of a library are among those of the job, so that ``lib:p`` may be ``p``.
+    """
+    use = CodeUse()
+    names = _Names(use, shared)
+    for routine in routines:
+        _read_routine(routine, use, names)
+    names.finish()
+    return use
+
+
+def _read_routine(routine: Val3Routine, use: CodeUse, names: _Names) -> None:
+    moves, places, rest = _cut_moves(routine)
+    computed = [
+        (match.start(), Val3Move(_MOTIONS[match[1]], None, None, None, routine.file, line))
+        for match, line in _find_lines(_COMPUTED, rest, routine.line)
+    ]
+    if computed:
+        ordered = sorted([*zip(places, moves, strict=True), *computed], key=itemgetter(0))
+        moves = [move for _, move in ordered]
+    use.moves += moves
+    for match, line in _find_lines(_CALL, rest, routine.line):
+        use.calls.setdefault(match[1] or match[2], (routine.file, line))
+    names.take(routine, rest)
+    for move in moves:
+        names.qualify(move)
+
+
+def _cut_moves(routine: Val3Routine) -> tuple[list[Val3Move], list[int], str]:
+    """Returns the plain motions, the code without them, and the place in it after each."""
+    code, moves, places, size, last = routine.code, [], [], 0, 0
+    pieces: list[str] = []
+    tools: dict[tuple[str, str | None], Reference | None] = {}
+    for match, line in _find_lines(_MOVE, code, routine.line):
+        how, via, via_key, target, key, tool, tool_key = match.groups()
+        named = tool, tool_key
+        if named not in tools:
+            tools[named] = _refer(routine, tool, tool_key)
+        moves.append(
+            Val3Move(
+                _MOTIONS[how or "c"],
+                _refer(routine, via, via_key) if via else None,
+                _refer(routine, target, key),
+                tools[named],
+                routine.file,
+                line,
+            )
+        )
+        start, end = match.span()
+        blank = "\n" * code.count("\n", start, end) or " "
+        pieces += code[last:start], blank
+        size += start - last + len(blank)
+        places.append(size)
+        last = end
+    return moves, places, "".join([*pieces, code[last:]])
+
+
+def _find_lines(
+    pattern: re.Pattern[str], text: str, line: int
+) -> Iterator[tuple[re.Match[str], int]]:
+    """Yields the matches in a text that begins in a line, with the line each begins in."""
+    last = 0
+    for match in pattern.finditer(text):
+        line += text.count("\n", last, match.start())
+        last = match.start()
+        yield match, line
+
+
+def _refer(routine: Val3Routine, name: str, key: str | None) -> Reference | None:
+    """The variable of the application that a name means; None for one of the routine's own."""
+    if name in routine.own:
+        return None
+    text = "0" if key is None else key.strip()
+    plain = text.isascii() and text.isdecimal()
+    return Reference(name, (text.lstrip("0") or "0") if plain else None)
+
+
+class _Names:
+    """Notes what statements other than plain motions do with names, routine by routine.
+
+    A name of a routine's own is spelled with its place in the job, to be another in each routine.
+    """
+
+    def __init__(self, use: CodeUse, shared: bool) -> None:
+        self._use, self._shared, self._routines = use, shared, 0
+        self._read: set[str] = set()
+        self._assigned: set[str] = set()
+        self._sources: dict[str, set[str]] = defaultdict(set)  # by the point shifted from them
+
+    def qualify(self, move: Val3Move) -> None:
+        """Notes the points of a library that a motion goes to."""
+        for point in (move.via, move.target):
+            if point is not None and ":" in point.name and self._shared:
+                self._use.computed.add(point.name.partition(":")[2])
+
+    def take(self, routine: Val3Routine, code: str) -> None:
+        """Notes the names in the code of a routine without its plain motions."""
+        self._routines += 1
+        functions = [""]
+        for text in code.split("\n"):
+            before, target = "", ""
+            for match in _WORD.finditer(text):
+                name, bracket, _ = match.groups()
+                if bracket == "(":
+                    functions.append(_open(before, text, match.start()))
+                elif bracket == "[":
+                    functions.append("")
+                elif bracket and len(functions) > 1:
+                    functions.pop()
+                elif name:
+                    context = [function for function in functions if function]
+                    assigned = None if context else _ASSIGNED.match(text, match.start())
+                    if assigned is None:
+                        self._note(self._spell(routine, name), context, target)
+                    else:
+                        target = self._assign(routine, name, whole=not assigned[3])
+                before = name or ""
+
+    def _spell(self, routine: Val3Routine, name: str) -> list[str]:
+        """The variables of the job that a name may mean."""
+        if name in routine.own:
+            return [f"{self._routines} {name}"]
+        return [name, name.partition(":")[2]] if self._shared and ":" in name else [name]
+
+    def _assign(self, routine: Val3Routine, name: str, *, whole: bool) -> str:
+        """Notes an assignment; returns the variable if no code elsewhere may read it unseen."""
+        names = self._spell(routine, name)
+        self._use.changed.update(names)
+        self._assigned.update(names)
+        if not whole:
+            self._read.update(names)
+        return "" if not whole or name in routine.given or ":" in name else names[0]
+
+    def _note(self, names: list[str], context: list[str], target: str) -> None:
+        """Notes names in the brackets of functions, the outermost first."""
+        shifted = _SHIFTS.issuperset(context[1:])
+        if context and context[-1] in _UNREAD:
+            return
+        if context and context[0] in _MOVES and shifted:
+            (self._use.followed if context[1:] else self._use.computed).update(names)
+        elif context and target and shifted and context[0] in _SHIFTS:
+            self._sources[target].update(names)
+        else:
+            self._read.update(names)
+            if context and context[-1] not in _READERS:
+                self._use.changed.update(names)
+
+    def finish(self) -> None:
+        """Takes a point as read, too, if one shifted from it is."""
+        due = [name for name in self._sources if name in self._read]
+        while due:
+            fresh = self._sources.pop(due.pop()) - self._read
+            self._read |= fresh
+            due += [name for name in fresh if name in self._sources]
+        self._use.followed.update(*self._sources.values())
+        self._use.touched |= self._read | self._assigned
+
+
+def _open(before: str, text: str, place: int) -> str:
+    """The function whose brackets open at a place behind a word, empty if it is none."""
+    if before == "compose" and not _UNTURNED.match(text, place):
+        return "position"  # what turns a point turns its correction, so that it counts as read
+    return "" if before.lower() in _KEYWORDS else before
