@@ -13,6 +13,7 @@ import ast
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 from xml.etree import ElementTree
 
@@ -40,14 +41,7 @@ class Trsf(list[float]):
     @property
     def matrix(self) -> np.ndarray:
         """The pose (4, 4) in m."""
-        T = np.eye(4)
-        for axis, angle in enumerate(np.array(self[3:]) * DEG):
-            one, two = (axis + 1) % 3, (axis + 2) % 3
-            turn, c, s = np.eye(4), np.cos(angle), np.sin(angle)
-            turn[one, one], turn[one, two], turn[two, one], turn[two, two] = c, -s, s, c
-            T = T @ turn
-        T[:3, 3] = np.array(self[:3]) * MM
-        return T
+        return _matrix(tuple(self))
 
     @classmethod
     def of(cls, T: np.ndarray) -> Trsf:
@@ -95,10 +89,27 @@ def copied(value: Any) -> Any:
     return type(value)(value) if isinstance(value, list) else value
 
 
-def python(text: str) -> str:
-    """An expression as Python spells it."""
+@lru_cache(4096)
+def _matrix(values: tuple[float, ...]) -> np.ndarray:
+    T = np.eye(4)
+    turns = np.array(values[3:]) * DEG
+    (sx, sy, sz), (cx, cy, cz) = np.sin(turns).tolist(), np.cos(turns).tolist()
+    T[:3, :3] = [
+        [cy * cz, -cy * sz, sy],
+        [cx * sz + sx * sy * cz, cx * cz - sx * sy * sz, -sx * cy],
+        [sx * sz - cx * sy * cz, sx * cz + cx * sy * sz, cx * cy],
+    ]
+    T[:3, 3] = np.array(values[:3]) * MM
+    T.flags.writeable = False
+    return T
+
+
+@lru_cache(4096)
+def parsed(text: str) -> ast.expr:
+    """An expression as Python parses it."""
     text = text.replace("{", "(").replace("}", ")").replace(":", "__")
-    return text.replace("true", "True").replace("false", "False").strip()
+    text = text.replace("true", "True").replace("false", "False").strip()
+    return ast.parse(text, mode="eval").body
 
 
 @dataclass(frozen=True)
@@ -189,7 +200,7 @@ class Val3Controller:
 
     def value(self, text: str, local: Table) -> Any:
         """The value of an expression; a structure is not a copy."""
-        return self._compute(ast.parse(python(text), mode="eval").body, local)
+        return self._compute(parsed(text), local)
 
     def _cell(self, node: ast.expr, local: Table) -> Cell:
         index = 0
@@ -370,7 +381,7 @@ class Val3Controller:
         if started and line.startswith("task"):
             self.tasks.add(started[1])
         elif started:
-            nodes = [ast.parse(python(x), mode="eval").body for x in split(started[2], ",") if x]
+            nodes = [parsed(x) for x in split(started[2], ",") if x]
             cells = [
                 Cell(self._compute(node, local)) if isinstance(node, ast.Call)
                 else self._cell(node, local)
@@ -389,7 +400,7 @@ class Val3Controller:
             assert line in ("waitEndMove()", "open(t1)", "do", "endIf", "endSwitch"), line
 
     def _assign(self, text: str, value: Any, local: Table) -> None:
-        node = ast.parse(python(text), mode="eval").body
+        node = parsed(text)
         if not isinstance(node, ast.Attribute):
             if text != "nId":
                 self._cell(node, local).value = value
@@ -400,7 +411,7 @@ class Val3Controller:
 
     def _link(self, text: str, father: str, local: Table) -> None:
         linked = self.value(text, local)
-        pose, cell = linked.pose, self._cell(ast.parse(python(father), mode="eval").body, local)
+        pose, cell = linked.pose, self._cell(parsed(father), local)
         linked.father = cell
         if not self.keeps_numbers:
             linked.trsf = Trsf.of(np.linalg.inv(linked.base) @ pose)
