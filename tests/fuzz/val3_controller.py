@@ -53,6 +53,12 @@ class Trsf(list[float]):
         return cls([*(T[:3, 3] / MM).tolist(), *(float(turn) / DEG for turn in turns)])
 
 
+class Axes(list[float]):
+    """Axis values in deg; ``follows`` as that of a point."""
+
+    follows = False
+
+
 @dataclass(eq=False)
 class Cell:
     """One element of a variable; what means it sees its new values."""
@@ -64,7 +70,7 @@ class Cell:
 class Linked:
     """A point, frame or tool: where it is in another, None for the root of all.
 
-    ``follows``: computed from a point with a function that shifts points.
+    ``follows``: computed from a point with a function that shifts points, or a copy.
     """
 
     trsf: Trsf
@@ -181,7 +187,7 @@ class Val3Controller:
         if kind == "num":
             return float(given["value"])
         if kind == "jointRx":
-            return [float(given[f"j{k}"]) for k in range(1, 7)]
+            return Axes(float(given[f"j{k}"]) for k in range(1, 7))
         trsf = Trsf([float(given.get(name, "0")) for name in NAMES])
         return trsf if kind == "trsf" else Linked(trsf)
 
@@ -230,8 +236,8 @@ class Val3Controller:
             left, right = (self._compute(each, local) for each in (node.left, node.right))
             if isinstance(node.op, ast.Mult) and isinstance(left, Trsf):
                 return Trsf.of(left.matrix @ right.matrix)
-            if isinstance(left, list):  # axes
-                return [a + b for a, b in zip(left, right, strict=True)]
+            if isinstance(left, Axes):
+                return Axes(a + b for a, b in zip(left, right, strict=True))
             return BINARY[type(node.op)](left, right)
         if isinstance(node, ast.Attribute):
             whole = self._compute(node.value, local)
@@ -248,7 +254,7 @@ class Val3Controller:
         if name == "aioGet":
             return float(self.rng.uniform(-50.0, 50.0))
         if name == "herej":
-            return self.rng.uniform(-90.0, 90.0, 6).tolist()
+            return Axes(self.rng.uniform(-90.0, 90.0, 6).tolist())
         if name == "size":
             assert isinstance(nodes[0], ast.Name)
             return float(len(self.data[nodes[0].id]))
@@ -402,8 +408,9 @@ class Val3Controller:
     def _assign(self, text: str, value: Any, local: Table) -> None:
         node = parsed(text)
         if not isinstance(node, ast.Attribute):
-            if text != "nId":
-                self._cell(node, local).value = value
+            if isinstance(value, (Linked, Axes)):
+                value.follows = True
+            self._cell(node, local).value = value
         elif node.attr == "trsf":
             self._compute(node.value, local).trsf = Trsf(value)
         else:
@@ -424,7 +431,7 @@ class Val3Controller:
                 via = word == "movec" and number == 1
                 move = Move(goal.base, tool, goal.trsf.matrix, via, goal.follows)
             else:
-                move = Move(np.eye(4), tool, np.array(goal) * DEG, via=False)
+                move = Move(np.eye(4), tool, np.array(goal) * DEG, False, goal.follows)
             self.moves.append(move)
 
 

@@ -109,6 +109,8 @@ def test_a_value_that_cannot_be_written_is_refused() -> None:
         ("pThere=appro(pPath[0],tr)\n  movel(pThere,tMill,mNom)", [NONE] * 4),
         ("pThere=appro(pPath[0],tr)\n  fOther.trsf=pThere.trsf", [Reason.EXPRESSION] * 4),
         ("pA=appro(pPath[0],tr)\n  pB=appro(pA,tr)\n  nX=pB.trsf.x", [Reason.EXPRESSION] * 4),
+        ("pThere=pPath[nI]\n  movel(pThere,tMill,mNom)", [NONE] * 4),
+        ("pThere=pPath[nI]\n  pThere.trsf.z=nZ", [Reason.EXPRESSION] * 4),
         ("movec(pOther,pPath[3],tMill,mNom)", [NONE] * 2 + [Reason.INCOMPLETE] * 2),
         ('taskCreateSync "t",0.004,bLate,watch()', [Reason.EXPRESSION] * 4),
         ('taskCreate "t"+toString("",n),10,watch(1,(2))', [Reason.EXPRESSION] * 4),
@@ -125,11 +127,14 @@ def test_what_a_statement_does_to_the_points(statement: str, reasons: list[Reaso
 
 def test_targets_computed_from_a_point_are_reported() -> None:
     program = read_points(BODY.replace("waitEndMove()", "movel(appro(pPath[0],tr),tMill,mNom)"))
-    moves = "app.dtx:19, 20, 21, 22: this point is also in appro or compose: targets computed"
+    moves = "app.dtx:19, 20, 21, 22: this point is also copied, or in appro or compose: targets"
     assert any(note.startswith(moves) for note in program.notes)
     program = read_points(BODY.replace("waitEndMove()", "movel(appro(pSafe,tr),tMill,mNom)"))
     assert program.reason[4] == Reason.RELATIVE
-    assert "app.dtx:25: points are used only in appro or compose; not compensated." in program.notes
+    assert (
+        "app.dtx:25: only copies, appro or compose use these points; not compensated."
+        in program.notes
+    )
 
 
 def test_a_parameter_by_reference_takes_a_shifted_point_out_of_sight() -> None:

@@ -28,6 +28,7 @@ _CALL: Final = re.compile(
 )
 _WORD: Final = re.compile(rf"({_NAME})|([()\[\]])|([^\w\s()\[\]]++)", re.ASCII)
 _ASSIGNED: Final = re.compile(rf"{_REF}(\.[^=\n]*+)?+=(?!=)", re.ASCII)
+_COPIED: Final = re.compile(rf"{_REF}$", re.ASCII)
 _ZERO: Final = r",\s*+[-+]?+0*+(?:\.0*+)?+\s*+"
 _UNTURNED: Final = re.compile(rf"\([^{{}}()]*+\{{[^{{}}]*?{_ZERO}{_ZERO}{_ZERO}\}}\s*+\)", re.ASCII)
 """Arguments of ``compose`` whose transformation only shifts."""
@@ -85,7 +86,7 @@ class CodeUse:
         touched: Names that get other values, or whose values are read.
         changed: Names that may get other values: what matters for frames and tools.
         computed: Names in motions to a target that is computed.
-        followed: Names from which targets are computed by a shift.
+        followed: Names from which targets are computed by a shift, or copied.
         calls: Routines that are called, and where first (file, line).
     """
 
@@ -214,6 +215,8 @@ class _Names:
                     context = [function for function in functions if function]
                     assigned = None if context else _ASSIGNED.match(text, match.start())
                     if assigned is None:
+                        if not context and target and _COPIED.match(text, match.start()):
+                            context = ["appro"]  # a copy is a shift by nothing
                         self._note(self._spell(routine, name), context, target)
                     else:
                         target = self._assign(routine, name, whole=not assigned[3])

@@ -216,7 +216,7 @@ class _Application:
                 notes.rows(rows & ~unused, f"{sentence}; not compensated")
         based = unused & followed & ~touched
         reason[based] = Reason.RELATIVE
-        notes.rows(based, "points are used only in appro or compose; not compensated")
+        notes.rows(based, "only copies, appro or compose use these points; not compensated")
         if self.absent and len(axis):
             reason[~unused] = Reason.EXPRESSION
             where, line = next(iter(self.absent.values()))
@@ -226,8 +226,8 @@ class _Application:
         share_fate(reason, self.arcs[file])
         notes.rows(
             followed & np.isin(reason, (Reason.NONE, Reason.JOINT_TARGET)),
-            "this point is also in appro or compose: targets computed from it move with its "
-            "correction",
+            "this point is also copied, or in appro or compose: targets computed from it move with "
+            "its correction",
         )
         return reason
 
