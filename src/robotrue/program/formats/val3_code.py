@@ -26,7 +26,7 @@ _INSIDE: Final = r"(?:[^()\n]|\((?:[^()\n]|\([^()\n]*+\))*+\)){0,2000}"
 _CALL: Final = re.compile(
     rf"\bcall\s++({_NAME})|\btaskCreate(?:Sync)?+\b{_INSIDE},\s*+({_NAME})\s*+\("
 )
-_WORD: Final = re.compile(rf"({_NAME})|([()\[\]])|([^\w\s()\[\]]++)", re.ASCII)
+_WORD: Final = re.compile(rf"(\.\s*+[A-Za-z_]\w*+)|({_NAME})|([()\[\]])|[^\w\s()\[\].]++", re.ASCII)
 _ASSIGNED: Final = re.compile(rf"{_REF}(\.[^=\n]*+)?+=(?!=)", re.ASCII)
 _COPIED: Final = re.compile(rf"{_REF}$", re.ASCII)
 _ZERO: Final = r",\s*+[-+]?+0*+(?:\.0*+)?+\s*+"
@@ -204,7 +204,7 @@ class _Names:
         for text in code.split("\n"):
             before, target = "", ""
             for match in _WORD.finditer(text):
-                name, bracket, _ = match.groups()
+                member, name, bracket = match.groups()
                 if bracket == "(":
                     functions.append(_open(before, text, match.start()))
                 elif bracket == "[":
@@ -220,7 +220,7 @@ class _Names:
                         self._note(self._spell(routine, name), context, target)
                     else:
                         target = self._assign(routine, name, whole=not assigned[3])
-                before = name or ""
+                before = name or member or ""
 
     def _spell(self, routine: Val3Routine, name: str) -> list[str]:
         """The variables of the job that a name may mean."""
