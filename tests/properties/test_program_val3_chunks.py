@@ -86,6 +86,8 @@ def compare(folder: Path, seed: int, targets: int) -> str:
     for name, data in job.files:
         (folder / name).write_bytes(data)
     path = folder / job.files[0][0]
+    if len(job.files) > 1 and seed % 2:
+        path = write_project(folder, [name for name, _ in job.files])
     found = outline_job(path, FrameTable(), targets=targets)
     if isinstance(found, Whole):
         return found.why
@@ -94,6 +96,17 @@ def compare(folder: Path, seed: int, targets: int) -> str:
     parts = [require_same(program, file) for program, file in zip(whole, found, strict=True)]
     require_same_steps(whole, [part for file in parts for part in file])
     return f"{min(max(len(file.chunks) for file in found), 3)} blocks"
+
+
+def write_project(folder: Path, names: Sequence[str]) -> Path:
+    """A project of some files, and of one more program, which moves to no point."""
+    space = "http://www.staubli.com/robotics/VAL3/"
+    code = "<Program name='b'><Code><![CDATA[begin\ncall a()\nend]]></Code></Program></Programs>"
+    (folder / "start.pgx").write_text(f"<Programs xmlns='{space}Program/2'>\n{code}\n")
+    rows = [f'<File file="{name}" />' for name in (*names, "start.pgx")]
+    lines = [f"<Project xmlns='{space}Project/3'>", *rows, "</Project>", ""]
+    (folder / "cell.pjx").write_text("\n".join(lines))
+    return folder / "cell.pjx"
 
 
 @pytest.mark.parametrize("window", [60, 400, 1 << 20])

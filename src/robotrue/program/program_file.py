@@ -24,7 +24,7 @@ from robotrue.core.files import sha256
 from robotrue.errors import ConfigurationError, FormatError
 from robotrue.program.formats import detect, read_job
 from robotrue.program.formats.file_survey import Survey
-from robotrue.program.formats.job_files import companion_paths, gather_files
+from robotrue.program.formats.job_files import gather_files, outlined_paths
 from robotrue.program.frames_beside import with_files_beside
 from robotrue.program.lang import find_language
 from robotrue.program.language import LONG, Cutter, Language
@@ -200,7 +200,7 @@ def find_longest(path: Path) -> tuple[Path, Language]:
         raise FormatError(
             f"cannot read: {cause.strerror}.", source=path, hint="check the path."
         ) from cause
-    job = [path, *companion_paths(path, language)]
+    job = outlined_paths(path, language)
     return max(job, key=lambda one: one.stat().st_size), language
 
 
@@ -225,7 +225,7 @@ def outline_job(
     survey = language.cutter().survey_file(longest.name, frames, targets)
     if isinstance(survey, Whole):
         return survey
-    beside = [each for each in (path, *companion_paths(path, language)) if each != longest]
+    beside = [each for each in outlined_paths(path, language) if each != longest]
     refused = survey.run(longest, beside)
     if refused is not None:
         return refused

@@ -5,12 +5,16 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Final
 
 from robotrue.core.files import read_bytes
 from robotrue.errors import FormatError
 from robotrue.program.frames_beside import frame_file_names
 from robotrue.program.identity import identity_path, read_identity
 from robotrue.program.language import Language
+
+_PROJECT: Final = 1 << 20
+"""Bytes of a file that names those of its job: fewer."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,6 +121,20 @@ def companion_paths(path: Path, language: Language) -> list[Path]:
         beside = path.with_name(name)
         if beside.is_file() and not any(beside.samefile(one) for one in (path, *found)):
             found.append(beside)
+    return found
+
+
+def outlined_paths(path: Path, language: Language) -> list[Path]:
+    """Returns a file, and those next to it because of its name, or that it names as a project.
+
+    Raises:
+        FormatError: The project cannot be read.
+    """
+    found = [path, *companion_paths(path, language)]
+    if language.name_files and path.stat().st_size < _PROJECT:
+        named = [path.with_name(name) for name in sorted(language.name_files(read_bytes(path)))]
+        mine = [each for each in named if each.suffix.lower() in language.suffixes]
+        found += [each for each in mine if each.is_file() and each not in found]
     return found
 
 

@@ -149,8 +149,9 @@ class Val3Survey(Survey):
 
     @property
     def parts(self) -> Mapping[str, Survey]:
-        """The surveys of all files, this one last."""
-        return {each.name: each for each in (*self._others, self)}
+        """The surveys of all files, those with points last: the motions of all others matter."""
+        ordered = sorted((*self._others, self), key=lambda each: each.targets > 0)
+        return {each.name: each for each in ordered}
 
     def run(self, path: Path, beside: Sequence[Path] = ()) -> Whole | None:
         """Goes through the files of an application; returns why this one cannot be cut, if so."""
