@@ -27,7 +27,7 @@ _CALL: Final = re.compile(
     rf"\bcall\s++({_NAME})|\btaskCreate(?:Sync)?+\b{_INSIDE},\s*+({_NAME})\s*+\("
 )
 _WORD: Final = re.compile(rf"(\.\s*+[A-Za-z_]\w*+)|({_NAME})|([()\[\]])|[^\w\s()\[\].]++", re.ASCII)
-_ASSIGNED: Final = re.compile(rf"{_REF}(\.[^=\n]*+)?+=(?!=)", re.ASCII)
+_ASSIGNED: Final = re.compile(rf"{_REF}(\.[^=\n]{{0,200}}+)?+=(?!=)", re.ASCII)
 _COPIED: Final = re.compile(rf"{_REF}$", re.ASCII)
 _ZERO: Final = r",\s*+[-+]?+0*+(?:\.0*+)?+\s*+"
 _UNTURNED: Final = re.compile(rf"\([^{{}}()]*+\{{[^{{}}]*?{_ZERO}{_ZERO}{_ZERO}\}}\s*+\)", re.ASCII)
@@ -179,6 +179,35 @@ def _refer(routine: Val3Routine, name: str, key: str | None) -> Reference | None
     return Reference(name, (text.lstrip("0") or "0") if plain else None)
 
 
+class _Brackets(NamedTuple):
+    """Of which functions the brackets around a name are, of those that belong to any.
+
+    Attributes:
+        outer: The outermost.
+        inner: The innermost.
+        shifted: All but the outermost shift points.
+        nested: There are several.
+    """
+
+    outer: str = ""
+    inner: str = ""
+    shifted: bool = True
+    nested: bool = False
+
+    def open(self, function: str) -> _Brackets:
+        """Returns the brackets with those of a function in them, or of none."""
+        if not function:
+            return self
+        if not self.outer:
+            return _Brackets(function, function)
+        return _Brackets(self.outer, function, self.shifted and function in _SHIFTS, True)
+
+
+_OUTSIDE: Final = _Brackets()
+_COPY: Final = _Brackets("appro", "appro")
+"""A copy of a point is a shift by nothing."""
+
+
 class _Names:
     """Notes what statements other than plain motions do with names, routine by routine.
 
@@ -200,26 +229,26 @@ class _Names:
     def take(self, routine: Val3Routine, code: str) -> None:
         """Notes the names in the code of a routine without its plain motions."""
         self._routines += 1
-        functions = [""]
+        brackets = [_OUTSIDE]
         for text in code.split("\n"):
             before, target = "", ""
             for match in _WORD.finditer(text):
                 member, name, bracket = match.groups()
                 if bracket == "(":
-                    functions.append(_open(before, text, match.start()))
+                    brackets.append(brackets[-1].open(_find_function(before, text, match.start())))
                 elif bracket == "[":
-                    functions.append("")
-                elif bracket and len(functions) > 1:
-                    functions.pop()
+                    brackets.append(brackets[-1])
+                elif bracket and len(brackets) > 1:
+                    brackets.pop()
                 elif name:
-                    context = [function for function in functions if function]
-                    assigned = None if context else _ASSIGNED.match(text, match.start())
-                    if assigned is None:
-                        if not context and target and _COPIED.match(text, match.start()):
-                            context = ["appro"]  # a copy is a shift by nothing
-                        self._note(self._spell(routine, name), context, target)
-                    else:
+                    inside, place = brackets[-1], match.start()
+                    assigned = _ASSIGNED.match(text, place) if len(brackets) == 1 else None
+                    if assigned is not None:
                         target = self._assign(routine, name, whole=not assigned[3])
+                    else:
+                        if inside is _OUTSIDE and target and _COPIED.match(text, place):
+                            inside = _COPY
+                        self._note(self._spell(routine, name), inside, target)
                 before = name or member or ""
 
     def _spell(self, routine: Val3Routine, name: str) -> list[str]:
@@ -237,18 +266,17 @@ class _Names:
             self._read.update(names)
         return "" if not whole or name in routine.given or ":" in name else names[0]
 
-    def _note(self, names: list[str], context: list[str], target: str) -> None:
-        """Notes names in the brackets of functions, the outermost first."""
-        shifted = _SHIFTS.issuperset(context[1:])
-        if context and context[-1] in _UNREAD:
+    def _note(self, names: list[str], inside: _Brackets, target: str) -> None:
+        """Notes names in brackets, and what is assigned in their line."""
+        if inside.inner in _UNREAD:
             return
-        if context and context[0] in _MOVES and shifted:
-            (self._use.followed if context[1:] else self._use.computed).update(names)
-        elif context and target and shifted and context[0] in _SHIFTS:
+        if inside.outer in _MOVES and inside.shifted:
+            (self._use.followed if inside.nested else self._use.computed).update(names)
+        elif inside.outer in _SHIFTS and target and inside.shifted:
             self._sources[target].update(names)
         else:
             self._read.update(names)
-            if context and context[-1] not in _READERS:
+            if inside.inner and inside.inner not in _READERS:
                 self._use.changed.update(names)
 
     def finish(self) -> None:
@@ -262,7 +290,7 @@ class _Names:
         self._use.touched |= self._read | self._assigned
 
 
-def _open(before: str, text: str, place: int) -> str:
+def _find_function(before: str, text: str, place: int) -> str:
     """The function whose brackets open at a place behind a word, empty if it is none."""
     if before == "compose" and not _UNTURNED.match(text, place):
         return "position"  # what turns a point turns its correction, so that it counts as read
