@@ -58,68 +58,34 @@ class PlanRequest(Request):
     """Cell, number of poses, and the region of work."""
 
     cell: CellFile
-    output: Annotated[Path, table_output(saved_as="poses.csv", help="CSV of the poses to write.")]
-    poses: Annotated[
-        int, Option(names=("--poses", "-n"), offered=(4, 500), help="Maximum number of poses.")
-    ] = POSES
-    region: Annotated[
-        str | None,
-        Option(help="Working region: angle_deg=A..B,radius_mm=..,height_mm=.."),
-    ] = None
-    program: Annotated[
-        Reference | None,
-        Item(
-            noun="program",
-            names=("--program-targets",),
-            help="Alternative: program whose targets are the working region.",
-        ),
-    ] = None
-    within: Annotated[
-        str | None, Option(help="Allowed reflector positions while measuring, like --region.")
-    ] = None
-    model: Annotated[
-        Reference | None,
-        Item(noun="model", help="Calibration to improve."),
-    ] = None
+    output: Annotated[Path, table_output(saved_as="poses.csv")]
+    """CSV of the poses to write."""
+    poses: Annotated[int, Option(names=("--poses", "-n"), offered=(4, 500))] = POSES
+    """Maximum number of poses."""
+    region: str | None = None
+    """Working region: angle_deg=A..B,radius_mm=..,height_mm=.."""
+    program: Annotated[Reference | None, Item(noun="program", names=("--program-targets",))] = None
+    """Alternative: program whose targets are the working region."""
+    within: str | None = None
+    """Allowed reflector positions while measuring, like --region."""
+    model: Annotated[Reference | None, Item(noun="model")] = None
+    """Calibration to improve."""
     payloads: Annotated[
-        tuple[str, ...],
-        Option(
-            names=("--payload",),
-            advanced=True,
-            example="50,0,0,120",
-            help="KG[,X,Y,Z]: an available load; may be repeated.",
-        ),
+        tuple[str, ...], Option(names=("--payload",), advanced=True, example="50,0,0,120")
     ] = ()
-    approach: Annotated[
-        Literal["one-side", "as-it-comes"],
-        Option(advanced=True, help="one-side or as-it-comes."),
-    ] = "one-side"
-    criterion: Annotated[
-        Criterion,
-        Option(advanced=True, help="I: accuracy in the working region. D: parameters."),
-    ] = CRITERION
-    tolerance_um: Annotated[
-        float,
-        Field(ge=0.0),
-        Option(
-            advanced=True,
-            offered=(0, 1000),
-            help="Stop when the next pose would reduce the error by less than this.",
-        ),
-    ] = 0.0
-    recorded: Annotated[
-        Path | None,
-        InputFile(
-            names=("--from",),
-            help="Choose from these poses: CSV of joints, or a program with joint positions.",
-        ),
-    ] = None
-    candidates: Annotated[
-        int, Option(advanced=True, offered=(10, 50_000), help="Postures to choose from.")
-    ] = CANDIDATES
-    seed: Annotated[
-        int, Option(advanced=True, offered=(0, 1_000_000), help="Seed of the candidates.")
-    ] = SEED
+    """KG[,X,Y,Z]: an available load; may be repeated."""
+    approach: Annotated[Literal["one-side", "as-it-comes"], Option(advanced=True)] = "one-side"
+    """one-side or as-it-comes."""
+    criterion: Annotated[Criterion, Option(advanced=True)] = CRITERION
+    """I: accuracy in the working region. D: parameters."""
+    tolerance_um: Annotated[float, Field(ge=0.0), Option(advanced=True, offered=(0, 1000))] = 0.0
+    """Stop when the next pose would reduce the error by less than this."""
+    recorded: Annotated[Path | None, InputFile(names=("--from",))] = None
+    """Choose from these poses: CSV of joints, or a program with joint positions."""
+    candidates: Annotated[int, Option(advanced=True, offered=(10, 50_000))] = CANDIDATES
+    """Postures to choose from."""
+    seed: Annotated[int, Option(advanced=True, offered=(0, 1_000_000))] = SEED
+    """Seed of the candidates."""
     krl: Annotated[
         Path | None,
         Output(
@@ -130,79 +96,36 @@ class PlanRequest(Request):
             saved_as="measure.src",
             shells=ALL,
             advanced=True,
-            help="Also write a KRL program that measures them (.src).",
         ),
     ] = None
-    trigger_output: Annotated[
-        int,
-        Option(advanced=True, offered=(1, 8192), help="Digital output that triggers the tracker."),
-    ] = TRIGGER_OUTPUT
+    """Also write a KRL program that measures them (.src)."""
+    trigger_output: Annotated[int, Option(advanced=True, offered=(1, 8192))] = TRIGGER_OUTPUT
+    """Digital output that triggers the tracker."""
     report: SavedPage = None
-    method: Annotated[
-        PlanMethod,
-        Option(
-            shells=NOT_IN_FORMS,
-            help=(
-                "information (most informative poses) or hierarchical (source grid and its images)."
-            ),
-        ),
-    ] = INFORMATION
-    source_region: Annotated[
-        str | None,
-        Option(shells=NOT_IN_FORMS, help="hierarchical: region sampled completely."),
-    ] = None
-    target_region: Annotated[
-        str | None, Option(shells=NOT_IN_FORMS, help="hierarchical: region of the sub-spaces.")
-    ] = None
-    sub_spaces: Annotated[
-        int, Option(shells=NOT_IN_FORMS, least=1, help="hierarchical: parts of the target.")
-    ] = SUB_SPACES
-    grid: Annotated[
-        str, Option(shells=NOT_IN_FORMS, help="hierarchical: values of angle, radius, height.")
-    ] = SOURCE_GRID
-    turns_deg: Annotated[
-        str,
-        Option(
-            shells=NOT_IN_FORMS,
-            help="hierarchical: LOW..HIGH/STEP or one number, for each of three angles.",
-        ),
-    ] = TURNS_DEG
-    target_poses: Annotated[
-        int,
-        Option(shells=NOT_IN_FORMS, least=1, help="hierarchical: target poses in all sub-spaces."),
-    ] = TARGET_POSES
-    further: Annotated[
-        float,
-        Field(ge=0.0),
-        Option(
-            shells=NOT_IN_FORMS,
-            help="hierarchical: fraction of additional poses in the furthest sub-space.",
-        ),
-    ] = 0.0
-    target_rule: Annotated[
-        TargetRule,
-        Option(
-            shells=NOT_IN_FORMS,
-            help="hierarchical: random, boundary, corners or space-filling target poses.",
-        ),
-    ] = TARGET_RULE
-    attitude: Annotated[
-        AttitudeReading,
-        Option(shells=NOT_IN_FORMS, help="hierarchical: turning (with joint 1) or fixed."),
-    ] = DengReadings().attitude
-    tool_abc_deg: Annotated[
-        str,
-        Option(
-            shells=NOT_IN_FORMS,
-            help="hierarchical: KUKA A,B,C of the measured point in base, at angle 0.",
-        ),
-    ] = TOOL_ABC_DEG
-    posture_deg: Annotated[
-        str | None,
-        Option(
-            shells=NOT_IN_FORMS, help="hierarchical: axes as displayed, of the arm configuration."
-        ),
-    ] = None
+    method: Annotated[PlanMethod, Option(shells=NOT_IN_FORMS)] = INFORMATION
+    """information (most informative poses) or hierarchical (source grid and its images)."""
+    source_region: Annotated[str | None, Option(shells=NOT_IN_FORMS)] = None
+    """hierarchical: region sampled completely."""
+    target_region: Annotated[str | None, Option(shells=NOT_IN_FORMS)] = None
+    """hierarchical: region of the sub-spaces."""
+    sub_spaces: Annotated[int, Option(shells=NOT_IN_FORMS, least=1)] = SUB_SPACES
+    """hierarchical: parts of the target."""
+    grid: Annotated[str, Option(shells=NOT_IN_FORMS)] = SOURCE_GRID
+    """hierarchical: values of angle, radius, height."""
+    turns_deg: Annotated[str, Option(shells=NOT_IN_FORMS)] = TURNS_DEG
+    """hierarchical: LOW..HIGH/STEP or one number, for each of three angles."""
+    target_poses: Annotated[int, Option(shells=NOT_IN_FORMS, least=1)] = TARGET_POSES
+    """hierarchical: target poses in all sub-spaces."""
+    further: Annotated[float, Field(ge=0.0), Option(shells=NOT_IN_FORMS)] = 0.0
+    """hierarchical: fraction of additional poses in the furthest sub-space."""
+    target_rule: Annotated[TargetRule, Option(shells=NOT_IN_FORMS)] = TARGET_RULE
+    """hierarchical: random, boundary, corners or space-filling target poses."""
+    attitude: Annotated[AttitudeReading, Option(shells=NOT_IN_FORMS)] = DengReadings().attitude
+    """hierarchical: turning (with joint 1) or fixed."""
+    tool_abc_deg: Annotated[str, Option(shells=NOT_IN_FORMS)] = TOOL_ABC_DEG
+    """hierarchical: KUKA A,B,C of the measured point in base, at angle 0."""
+    posture_deg: Annotated[str | None, Option(shells=NOT_IN_FORMS)] = None
+    """hierarchical: axes as displayed, of the arm configuration."""
 
 
 def refuse_other_method(request: PlanRequest) -> None:

@@ -11,6 +11,7 @@ from robotrue.app.context import Context
 from robotrue.app.outputs import check_output
 from robotrue.app.presentation import PlainResult
 from robotrue.app.request import Option, Output, Request, input_paths
+from robotrue.app.request_fields import OUTPUT
 from robotrue.core.provenance import Provenance
 from robotrue.errors import ConfigurationError
 
@@ -21,7 +22,7 @@ if TYPE_CHECKING:
 Outputs: TypeAlias = Annotated[
     tuple[Path, ...],
     Output(
-        names=("--output", "-o"),
+        names=OUTPUT,
         help=".html, .pdf or .json; may be repeated. JSON is always written, too.",
     ),
 ]

@@ -1,17 +1,20 @@
-"""Requests of operations; each field has a default, limits and one line of help.
+'''Requests of operations; each field has a default, limits and one line of help, its docstring.
 
 A field is a value, an input or an output, by its annotation::
 
-    cell: Annotated[Reference, Item(noun="cell", argument="CELL", help="cell.toml")]
-    poses: Annotated[int, Option(names=("--poses", "-n"), help="How many, at most.")] = 30
-    output: Annotated[Path, Output(what="a CSV table", suffixes=(".csv",), help="CSV to write.")]
+    cell: Annotated[Reference, Item(noun="cell", argument="CELL")]
+    """Cell to calibrate."""
+    poses: Annotated[int, Option(names=("--poses", "-n"))] = 30
+    """How many, at most."""
+    output: Annotated[Path, Output(what="a CSV table", suffixes=(".csv",))]
+    """CSV to write."""
 
 Commands, jobs, HTTP bodies, forms and the reference are made from these fields.
-"""
+'''
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 from types import UnionType
@@ -57,7 +60,13 @@ Reference: TypeAlias = Annotated[Path | ItemVersion, BeforeValidator(_item_of_te
 class Request(BaseModel):
     """Request of one operation; the module's docstring describes its fields."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
+    model_config = ConfigDict(
+        frozen=True,
+        extra="forbid",
+        strict=True,
+        allow_inf_nan=False,
+        use_attribute_docstrings=True,
+    )
 
 
 class Naming(BaseModel):
@@ -78,7 +87,7 @@ class Option:
     """A value, and how the shells present it.
 
     Attributes:
-        help: One line.
+        help: One line, for a field without a docstring.
         argument: Placeholder of a positional argument of the command; empty for an option.
         names: Of the option, as ``("--poses", "-n")``; empty: made of the field's name.
         metavar: Placeholder of the option's value, where it is not the type.
@@ -92,7 +101,7 @@ class Option:
         needed_in: Shells in which it has to be stated although it has a default.
     """
 
-    help: str
+    help: str = ""
     argument: str = ""
     names: tuple[str, ...] = ()
     metavar: str | None = None
@@ -221,15 +230,16 @@ def fields_of(request: type[Request]) -> tuple[RequestField, ...]:
     """Returns the fields of a request in their order.
 
     Raises:
-        ConfigurationError: A field without :class:`Option` in its annotation.
+        ConfigurationError: A field without a line of help.
     """
     return tuple(_field(request, name, info) for name, info in request.model_fields.items())
 
 
 def _field(request: type[Request], name: str, info: FieldInfo) -> RequestField:
-    entry = next((each for each in info.metadata if isinstance(each, Option)), None)
-    if entry is None:
-        raise ConfigurationError(f"{request.__name__}.{name} has no Option in its annotation.")
+    entry = next((each for each in info.metadata if isinstance(each, Option)), Option())
+    entry = replace(entry, help=" ".join((info.description or entry.help).split()))
+    if not entry.help:
+        raise ConfigurationError(f"{request.__name__}.{name} has no docstring.")
     kind, optional, many = info.annotation, False, False
     if get_origin(kind) in (Union, UnionType) and type(None) in get_args(kind):
         (kind, *more) = [each for each in get_args(kind) if each is not type(None)]

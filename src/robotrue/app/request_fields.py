@@ -9,18 +9,18 @@ from robotrue.app.request import NOT_IN_FORMS, InputFile, Item, Option, Output, 
 
 PAGE_FILE: Final = "report.html"
 MODEL_FILE: Final = "model.rtm"
+OUTPUT: Final = ("--output", "-o")
 
 
-def table_output(help: str, *, saved_as: str = "") -> Output:
+def table_output(*, saved_as: str = "") -> Output:
     """Returns ``--output`` of a CSV table."""
-    names, suffixes = ("--output", "-o"), (".csv",)
-    return Output(names=names, what="a CSV table", suffixes=suffixes, saved_as=saved_as, help=help)
+    return Output(names=OUTPUT, what="a CSV table", suffixes=(".csv",), saved_as=saved_as)
 
 
-def model_output(help: str, *, saved_as: str = "", renews: str = "") -> Output:
+def model_output(help: str = "", *, saved_as: str = "", renews: str = "") -> Output:
     """Returns ``--output`` of a robotrue file."""
     return Output(
-        names=("--output", "-o"),
+        names=OUTPUT,
         what="a robotrue file",
         suffixes=(".robotrue",),
         saved_as=saved_as,
@@ -29,11 +29,9 @@ def model_output(help: str, *, saved_as: str = "", renews: str = "") -> Output:
     )
 
 
-def cell_output(help: str, *, renews: str = "") -> Output:
+def cell_output(*, renews: str = "") -> Output:
     """Returns ``--output`` of a cell file."""
-    return Output(
-        names=("--output", "-o"), what="a cell", suffixes=(".toml",), renews=renews, help=help
-    )
+    return Output(names=OUTPUT, what="a cell", suffixes=(".toml",), renews=renews)
 
 
 CellFile: TypeAlias = Annotated[Reference, Item(noun="cell", argument="CELL", help="cell.toml")]

@@ -44,31 +44,18 @@ class CalibrateRequest(Request):
 
     cell: CellFile
     measurements: Annotated[
-        tuple[Reference, ...],
-        Item(noun="measurement", argument="MEAS...", sent=True, help="Measurements."),
+        tuple[Reference, ...], Item(noun="measurement", argument="MEAS...", sent=True)
     ]
+    """Measurements."""
     output: ModelOutput
-    method: Annotated[
-        Literal["auto", "nominal", "geometric", "elastic", "ripple", "gp"],
-        Option(help="auto, or one of nominal, geometric, elastic, ripple, gp."),
-    ] = "auto"
+    method: Literal["auto", "nominal", "geometric", "elastic", "ripple", "gp"] = "auto"
+    """auto, or one of nominal, geometric, elastic, ripple, gp."""
     mapping: ForeignColumns = None
-    cure: Annotated[
-        str | None,
-        Option(
-            shells=ON_COMMAND_LINE,
-            help="Correct a cause that the data doctor reported; files stay unchanged.",
-        ),
-    ] = None
-    table: Annotated[
-        Path | None,
-        InputFile(
-            shells=ALL,
-            advanced=True,
-            help="Points on a rotary table, measured at several angles (CSV: point, e2_deg, x_mm, "
-            "y_mm, z_mm): its errors are learned, too.",
-        ),
-    ] = None
+    cure: Annotated[str | None, Option(shells=ON_COMMAND_LINE)] = None
+    """Correct a cause that the data doctor reported; files stay unchanged."""
+    table: Annotated[Path | None, InputFile(shells=ALL, advanced=True)] = None
+    """Points on a rotary table, measured at several angles (CSV: point, e2_deg, x_mm, y_mm,
+    z_mm): its errors are learned, too."""
     report: SavedPage = None
 
 
@@ -260,22 +247,14 @@ class CalibrateLengthsRequest(Request):
     """Cell and measured lengths to calibrate with, and the method."""
 
     cell: CellFile
-    lengths: Annotated[
-        Path,
-        InputFile(
-            argument="LENGTHS",
-            help="CSV: j1_deg ..., length_mm, anchor with ax_mm, ay_mm, az_mm, or k1_deg ...",
-        ),
-    ]
-    output: Annotated[Path, model_output(help="Model file to write.")]
-    method: Annotated[
-        Literal["nominal", "geometric", "elastic"],
-        Option(help="nominal, geometric or elastic."),
-    ] = "elastic"
-    points: Annotated[
-        Path | None,
-        InputFile(help="Measured points in addition to the lengths: they determine the base."),
-    ] = None
+    lengths: Annotated[Path, InputFile(argument="LENGTHS")]
+    """CSV: j1_deg ..., length_mm, anchor with ax_mm, ay_mm, az_mm, or k1_deg ..."""
+    output: Annotated[Path, model_output()]
+    """Model file to write."""
+    method: Literal["nominal", "geometric", "elastic"] = "elastic"
+    """nominal, geometric or elastic."""
+    points: Annotated[Path | None, InputFile()] = None
+    """Measured points in addition to the lengths: they determine the base."""
 
 
 def calibrate_from_lengths(request: CalibrateLengthsRequest, context: Context) -> PlainResult:

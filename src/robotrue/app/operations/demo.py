@@ -3,23 +3,24 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Final
+from typing import Final
 
 from robotrue.app.context import Context
 from robotrue.app.operation import Operation
 from robotrue.app.presentation import Note, PlainResult, Table
-from robotrue.app.request import Option, Request
+from robotrue.app.request import Request
 from robotrue.core.provenance import Provenance
 
 
 class DemoRequest(Request):
     """Folder for the demo's files, and the data to run on."""
 
-    out: Annotated[Path, Option(help="Folder for all files of the demo.")] = Path("demo-out")
-    data: Annotated[
-        Path | None, Option(help="Folder of measured data: the same job on a real UR10.")
-    ] = None
-    seed: Annotated[int, Option(help="Seed of the virtual cell.")] = 1
+    out: Path = Path("demo-out")
+    """Folder for all files of the demo."""
+    data: Path | None = None
+    """Folder of measured data: the same job on a real UR10."""
+    seed: int = 1
+    """Seed of the virtual cell."""
 
 
 def run(request: DemoRequest, context: Context) -> PlainResult:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Final
 from robotrue.app.context import Context
 from robotrue.app.operation import Operation
 from robotrue.app.presentation import Block, Note, Table
-from robotrue.app.request import InputFile, Item, Option, Output, Reference, Request
+from robotrue.app.request import InputFile, Item, Output, Reference, Request
 from robotrue.core.provenance import Provenance, mark_line
 from robotrue.core.units import DEG, MM, UM
 from robotrue.errors import ConfigurationError
@@ -31,42 +31,26 @@ COLUMNS: Final = (
 class DiffRequest(Request):
     """Programs to compare, and the model that predicts their errors."""
 
-    before: Annotated[Reference, Item(noun="program", argument="BEFORE", help="Program from CAM.")]
-    after: Annotated[
-        Reference, Item(noun="program", argument="AFTER", help="The compensated program.")
-    ]
-    model: Annotated[
-        Reference | None,
-        Item(
-            noun="model",
-            help="Model file: also the predicted error of every target, before and after.",
-        ),
-    ] = None
-    cell: Annotated[
-        Reference | None,
-        Item(noun="cell", also=("registration",), help="Registered cell with the part frame."),
-    ] = None
-    wrench: Annotated[
-        str | None, Option(help="With --model: process force, as for compensate.")
-    ] = None
-    force: Annotated[
-        Path | None, InputFile(help="With --model: process force, as for compensate.")
-    ] = None
-    cutter: Annotated[
-        str | None, Option(help="Axis of the tool from spindle to tip, as for compensate.")
-    ] = None
-    start: Annotated[str | None, Option(help="With --model: start posture, as for compensate.")] = (
-        None
-    )
+    before: Annotated[Reference, Item(noun="program", argument="BEFORE")]
+    """Program from CAM."""
+    after: Annotated[Reference, Item(noun="program", argument="AFTER")]
+    """The compensated program."""
+    model: Annotated[Reference | None, Item(noun="model")] = None
+    """Model file: also the predicted error of every target, before and after."""
+    cell: Annotated[Reference | None, Item(noun="cell", also=("registration",))] = None
+    """Registered cell with the part frame."""
+    wrench: str | None = None
+    """With --model: process force, as for compensate."""
+    force: Annotated[Path | None, InputFile()] = None
+    """With --model: process force, as for compensate."""
+    cutter: str | None = None
+    """Axis of the tool from spindle to tip, as for compensate."""
+    start: str | None = None
+    """With --model: start posture, as for compensate."""
     output: Annotated[
-        Path | None,
-        Output(
-            names=("-o", "--output"),
-            what="a CSV table",
-            suffixes=(".csv",),
-            help="CSV of all targets to write.",
-        ),
+        Path | None, Output(names=("-o", "--output"), what="a CSV table", suffixes=(".csv",))
     ] = None
+    """CSV of all targets to write."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

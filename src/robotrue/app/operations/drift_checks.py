@@ -29,11 +29,12 @@ class DriftPlanRequest(Request):
     """For which model to choose poses."""
 
     model: CalibratedModel
-    output: Annotated[Path, table_output(saved_as="check_poses.csv", help="Sheet (CSV) to write.")]
-    poses: Annotated[
-        int, Option(offered=(FEWEST_DRIFT_POSES, 20), help="Number of poses; at least 4.")
-    ] = DRIFT_POSES
-    seed: Annotated[int, Option(advanced=True, help="Seed of the candidates.")] = 0
+    output: Annotated[Path, table_output(saved_as="check_poses.csv")]
+    """Sheet (CSV) to write."""
+    poses: Annotated[int, Option(offered=(FEWEST_DRIFT_POSES, 20))] = DRIFT_POSES
+    """Number of poses; at least 4."""
+    seed: Annotated[int, Option(advanced=True)] = 0
+    """Seed of the candidates."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -174,19 +175,11 @@ class DriftRequest(Request):
 
     model: CalibratedModel
     measurements: Annotated[
-        Reference,
-        Item(
-            noun="measurement",
-            argument="POSES",
-            listed=True,
-            sent=True,
-            help="5 to 10 poses measured again.",
-        ),
+        Reference, Item(noun="measurement", argument="POSES", listed=True, sent=True)
     ]
-    level: Annotated[
-        float,
-        Option(advanced=True, help="False-alarm rate."),
-    ] = DRIFT_LEVEL
+    """5 to 10 poses measured again."""
+    level: Annotated[float, Option(advanced=True)] = DRIFT_LEVEL
+    """False-alarm rate."""
     mapping: Columns = None
 
 

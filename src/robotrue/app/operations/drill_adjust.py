@@ -29,37 +29,30 @@ class DrillAdjustRequest(Request):
     """Drilling model, readings of one clamp, and the axes that make the move."""
 
     model: DrillModel
-    reading: Annotated[str | None, Option(help="d1,d2,d3 in mm, minus their zero.")] = None
-    raw: Annotated[
-        str | None,
-        Option(
-            help=(
-                "Instead of --reading: raw1,raw2,raw3 as the sensors show them, in "
-                "counts if the foot file has zero_counts, else in mm; with --foot."
-            )
-        ),
-    ] = None
+    reading: str | None = None
+    """d1,d2,d3 in mm, minus their zero."""
+    raw: str | None = None
+    """Instead of --reading: raw1,raw2,raw3 as the sensors show them, in counts if the foot file
+    has zero_counts, else in mm; with --foot."""
     foot: ZeroFoot = None
-    force: Annotated[float, Option(help="Clamp force in N.")]
-    z: Annotated[float, Option(help="Position of the Z axis in mm.")]
-    at: Annotated[str | None, Option(help="A,B of the machine now, in deg; default 0,0.")] = None
-    xy: Annotated[
-        str | None, Option(help="X,Y of the machine in mm, for a model that uses them.")
-    ] = None
-    approach: Annotated[str, Option(help="Approach of the foot; default: the usual one.")] = ""
+    force: float
+    """Clamp force in N."""
+    z: float
+    """Position of the Z axis in mm."""
+    at: str | None = None
+    """A,B of the machine now, in deg; default 0,0."""
+    xy: str | None = None
+    """X,Y of the machine in mm, for a model that uses them."""
+    approach: str = ""
+    """Approach of the foot; default: the usual one."""
     robot: CarryingRobot = None
-    joints_deg: Annotated[
-        str | None, Option(help="With --robot: its present joints, in the model's sense.")
-    ] = None
+    joints_deg: str | None = None
+    """With --robot: its present joints, in the model's sense."""
     foot_abc_deg: FootAngles = FOOT_ABC_DEG
-    language: Annotated[
-        str | None,
-        Option(
-            names=("--as",),
-            help="Also print the move: gcode; with --robot krl, rapid, urscript.",
-        ),
-    ] = None
-    feed_mm_per_min: Annotated[float, Option(help="Feed of --as gcode.")] = 500.0
+    language: Annotated[str | None, Option(names=("--as",))] = None
+    """Also print the move: gcode; with --robot krl, rapid, urscript."""
+    feed_mm_per_min: float = 500.0
+    """Feed of --as gcode."""
 
 
 def run(request: DrillAdjustRequest, context: Context) -> PlainResult:

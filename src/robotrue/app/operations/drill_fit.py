@@ -15,7 +15,6 @@ from robotrue.app.request import (
     ON_COMMAND_LINE,
     InputFile,
     Item,
-    Option,
     Reference,
     Request,
 )
@@ -45,46 +44,20 @@ class DrillFitRequest(Request):
     """Campaign to learn from, and the kind of correction."""
 
     foot: Annotated[
-        Path | None,
-        InputFile(
-            argument="FOOT",
-            shells=NOT_IN_FORMS,
-            needed_in=ON_COMMAND_LINE,
-            help="Foot file (TOML).",
-        ),
+        Path | None, InputFile(argument="FOOT", shells=NOT_IN_FORMS, needed_in=ON_COMMAND_LINE)
     ] = None
-    campaign: Annotated[
-        Reference,
-        Item(
-            noun="document",
-            argument="CAMPAIGN",
-            sent=True,
-            help="Clamps with known tilts (CSV or workbook).",
-        ),
-    ]
+    """Foot file (TOML)."""
+    campaign: Annotated[Reference, Item(noun="document", argument="CAMPAIGN", sent=True)]
+    """Clamps with known tilts (CSV or workbook)."""
     output: FootModelOutput
-    kind: Annotated[
-        Literal["auto", Kind],
-        Option(
-            help=(
-                "auto (the best on held-out forces and tilts), patent, interactions, "
-                "quadratic, cubic, gp or physics."
-            )
-        ),
-    ] = "auto"
-    inputs: Annotated[
-        Inputs,
-        Option(
-            help=(
-                "Machine positions as inputs: auto (the best on held-out blocks), none,"
-                " AB, XY or XYAB; columns X_mm, Y_mm, axis_A_deg, axis_B_deg."
-            )
-        ),
-    ] = MACHINE_INPUTS
-    corrects: Annotated[
-        Corrects,
-        Option(help="Corrected quantity: readings, or joints (the targets of A and B)."),
-    ] = CORRECTS
+    kind: Literal["auto", Kind] = "auto"
+    """auto (the best on held-out forces and tilts), patent, interactions, quadratic, cubic, gp
+    or physics."""
+    inputs: Inputs = MACHINE_INPUTS
+    """Machine positions as inputs: auto (the best on held-out blocks), none, AB, XY or XYAB;
+    columns X_mm, Y_mm, axis_A_deg, axis_B_deg."""
+    corrects: Corrects = CORRECTS
+    """Corrected quantity: readings, or joints (the targets of A and B)."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -9,7 +9,7 @@ from robotrue.app.context import Context
 from robotrue.app.operation import Operation
 from robotrue.app.presentation import Note, PlainResult, Table, count
 from robotrue.app.request import InputFile, Option, Output, Request
-from robotrue.app.request_fields import table_output
+from robotrue.app.request_fields import OUTPUT, table_output
 from robotrue.core.units import DEG, MM, UM
 from robotrue.drilling.drill_defaults import CHOSEN_BY, By
 from robotrue.errors import ConfigurationError
@@ -22,27 +22,15 @@ if TYPE_CHECKING:
 class DrillZeroRequest(Request):
     """Foot file and sensor readings on the zero tool."""
 
-    foot: Annotated[Path, InputFile(argument="FOOT", help="Foot file (TOML).")]
-    readings: Annotated[
-        Path,
-        InputFile(
-            argument="READINGS",
-            help=(
-                "raw1_mm, ... or raw1_counts, ... on the tool (CSV or workbook); seat "
-                "names each mounting."
-            ),
-        ),
-    ]
+    foot: Annotated[Path, InputFile(argument="FOOT")]
+    """Foot file (TOML)."""
+    readings: Annotated[Path, InputFile(argument="READINGS")]
+    """raw1_mm, ... or raw1_counts, ... on the tool (CSV or workbook); seat names each mounting."""
     output: Annotated[
         Path,
-        Output(
-            names=("--output", "-o"),
-            what="a foot file",
-            suffixes=(".toml",),
-            renews="foot",
-            help="Foot file to write: FOOT with this zero.",
-        ),
+        Output(names=OUTPUT, what="a foot file", suffixes=(".toml",), renews="foot"),
     ]
+    """Foot file to write: FOOT with this zero."""
 
 
 def take_zero(request: DrillZeroRequest, context: Context) -> PlainResult:
@@ -113,27 +101,29 @@ NEXT: Final = (
 class DrillPlanRequest(Request):
     """Foot, number of clamps, and their limits."""
 
-    foot: Annotated[Path, InputFile(argument="FOOT", help="Foot file (TOML).")]
-    output: Annotated[Path, table_output(help="Execution sheet (CSV) to write.")]
-    clamps: Annotated[int, Option(help="Number of clamps; at least 15.")] = 60
-    forces_N: Annotated[str, Option(names=("--forces-n",), help="Clamp forces in N.")] = (
-        "0,250,500,750,1000"
-    )
-    z_mm: Annotated[str, Option(help="Heights in mm.")] = "-100,0,100"
-    tilt_deg: Annotated[float, Option(help="Largest tilt in deg.")] = 4.0
-    by: Annotated[By, Option(help="information or chance.")] = CHOSEN_BY
-    seed: Annotated[int, Option(help="Seed of tilts and order.")] = 0
-    axis_a_deg: Annotated[
-        str | None,
-        Option(
-            help=(
-                "Range of the machine's A over which the plates are placed, such as "
-                "-30,30; the fit can then include the effect of A itself, a sag."
-            )
-        ),
-    ] = None
-    axis_b_deg: Annotated[str | None, Option(help="The same for the machine's B.")] = None
-    plates: Annotated[int, Option(help="With such a range: number of plates.")] = PLATES
+    foot: Annotated[Path, InputFile(argument="FOOT")]
+    """Foot file (TOML)."""
+    output: Annotated[Path, table_output()]
+    """Execution sheet (CSV) to write."""
+    clamps: int = 60
+    """Number of clamps; at least 15."""
+    forces_N: Annotated[str, Option(names=("--forces-n",))] = "0,250,500,750,1000"
+    """Clamp forces in N."""
+    z_mm: str = "-100,0,100"
+    """Heights in mm."""
+    tilt_deg: float = 4.0
+    """Largest tilt in deg."""
+    by: By = CHOSEN_BY
+    """information or chance."""
+    seed: int = 0
+    """Seed of tilts and order."""
+    axis_a_deg: str | None = None
+    """Range of the machine's A over which the plates are placed, such as -30,30; the fit can
+    then include the effect of A itself, a sag."""
+    axis_b_deg: str | None = None
+    """The same for the machine's B."""
+    plates: int = PLATES
+    """With such a range: number of plates."""
 
 
 def plan_clamps(request: DrillPlanRequest, context: Context) -> PlainResult:

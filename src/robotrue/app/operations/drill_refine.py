@@ -10,7 +10,7 @@ from pydantic import Field
 from robotrue.app.context import Context
 from robotrue.app.operation import Operation
 from robotrue.app.presentation import Note, PlainResult, Table, count
-from robotrue.app.request import InputFile, Option, Request
+from robotrue.app.request import InputFile, Request
 from robotrue.app.request_fields import DrillModel, FootModelOutput, ReferenceSigma, ZeroFoot
 from robotrue.core.units import DEG
 from robotrue.drilling.drill_defaults import LIMIT_DEG, MODEL, REFERENCE_SIGMA_DEG
@@ -28,32 +28,16 @@ class DrillRefineRequest(Request):
 
     model: DrillModel
     output: FootModelOutput
-    records: Annotated[
-        Path | None,
-        InputFile(
-            argument="[RECORDS]",
-            help=(
-                "Holes that MODEL moved, with the left_a_deg, left_b_deg of a "
-                "reference; optional with --freeze."
-            ),
-        ),
-    ] = None
-    truth: Annotated[
-        str,
-        Option(
-            help=("Reference that measured the residual tilts: a mandrel plane, a hole gauge, ...")
-        ),
-    ] = ""
+    records: Annotated[Path | None, InputFile(argument="[RECORDS]")] = None
+    """Holes that MODEL moved, with the left_a_deg, left_b_deg of a reference; optional with
+    --freeze."""
+    truth: str = ""
+    """Reference that measured the residual tilts: a mandrel plane, a hole gauge, ..."""
     sigma_deg: Annotated[ReferenceSigma, Field(gt=0.0)] = REFERENCE_SIGMA_DEG
-    freeze: Annotated[
-        Path | None,
-        InputFile(help="Then freeze the model if it passes on these clamps."),
-    ] = None
-    allowed_deg: Annotated[
-        float,
-        Field(gt=0.0),
-        Option(help="With --freeze: limit for 95 % of the residual tilts."),
-    ] = LIMIT_DEG
+    freeze: Annotated[Path | None, InputFile()] = None
+    """Then freeze the model if it passes on these clamps."""
+    allowed_deg: Annotated[float, Field(gt=0.0)] = LIMIT_DEG
+    """With --freeze: limit for 95 % of the residual tilts."""
     foot: ZeroFoot = None
 
 

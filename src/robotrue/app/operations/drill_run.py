@@ -47,50 +47,33 @@ class DrillRunRequest(Request):
     """Drilling model, address of the machine, and the rules for a clamp at rest."""
 
     model: DrillModel
-    journal: Annotated[
-        Path,
-        InputFile(
-            help=(
-                "Journal of answers and updates, one line each; an existing journal is continued."
-            )
-        ),
-    ]
-    address: Annotated[
-        str, Option(names=("--from",), help="Address that receives the machine's values.")
-    ] = f"udp://127.0.0.1:{PORT}"
-    output: Annotated[
-        Path | None,
-        model_output(renews="model", help="Model file, written after every reference."),
-    ] = None
+    journal: Annotated[Path, InputFile()]
+    """Journal of answers and updates, one line each; an existing journal is continued."""
+    address: Annotated[str, Option(names=("--from",))] = f"udp://127.0.0.1:{PORT}"
+    """Address that receives the machine's values."""
+    output: Annotated[Path | None, model_output(renews="model")] = None
+    """Model file, written after every reference."""
     foot: ZeroFoot = None
-    approach: Annotated[str, Option(help="Approach of the foot; default: the usual one.")] = ""
-    truth: Annotated[
-        str,
-        Option(
-            help=("Reference that measures the residual tilts, if the datagrams do not name it.")
-        ),
-    ] = ""
+    approach: str = ""
+    """Approach of the foot; default: the usual one."""
+    truth: str = ""
+    """Reference that measures the residual tilts, if the datagrams do not name it."""
     sigma_deg: Annotated[ReferenceSigma, Field(gt=0.0)] = REFERENCE_SIGMA_DEG
-    clamp_force_N: Annotated[
-        float,
-        Option(names=("--clamp-force-n",), help="Force above which the foot is clamped, N."),
-    ] = CLAMP_FORCE_N
-    quiet_ms: Annotated[float, Option(help="Rest period.")] = QUIET_MS
-    steady_um: Annotated[float, Option(help="Maximum change of a reading in that period.")] = (
-        STEADY_UM
-    )
-    steady_N: Annotated[
-        float, Option(names=("--steady-n",), help="Maximum change of the force in that period.")
-    ] = STEADY_N
-    patience_s: Annotated[
-        float, Option(help="A clamp without a rest period is refused after this time.")
-    ] = PATIENCE_S
-    seconds: Annotated[float | None, Option(help="Run time in s; default: until Ctrl-C.")] = None
+    clamp_force_N: Annotated[float, Option(names=("--clamp-force-n",))] = CLAMP_FORCE_N
+    """Force above which the foot is clamped, N."""
+    quiet_ms: float = QUIET_MS
+    """Rest period."""
+    steady_um: float = STEADY_UM
+    """Maximum change of a reading in that period."""
+    steady_N: Annotated[float, Option(names=("--steady-n",))] = STEADY_N
+    """Maximum change of the force in that period."""
+    patience_s: float = PATIENCE_S
+    """A clamp without a rest period is refused after this time."""
+    seconds: float | None = None
+    """Run time in s; default: until Ctrl-C."""
     robot: CarryingRobot = None
-    joints: Annotated[
-        str | None,
-        Option(help="With --robot: source of its joints, rsi://, egm:// or rtde://."),
-    ] = None
+    joints: str | None = None
+    """With --robot: source of its joints, rsi://, egm:// or rtde://."""
     foot_abc_deg: FootAngles = FOOT_ABC_DEG
 
 

@@ -24,7 +24,7 @@ from robotrue.app.request import (
     Request,
     input_paths,
 )
-from robotrue.app.request_fields import DrillModel, ZeroFoot
+from robotrue.app.request_fields import OUTPUT, DrillModel, ZeroFoot
 from robotrue.core.files import DEFAULT_LANG
 from robotrue.core.provenance import Provenance, merge
 from robotrue.core.units import DEG
@@ -41,7 +41,8 @@ class DrillEvaluateRequest(Request):
     """Model to evaluate, and clamps with known tilt."""
 
     model: DrillModel
-    test: Annotated[Path, InputFile(argument="TEST", help="Clamps that the fit did not use.")]
+    test: Annotated[Path, InputFile(argument="TEST")]
+    """Clamps that the fit did not use."""
     foot: ZeroFoot = None
 
 
@@ -87,25 +88,14 @@ class DrillReportRequest(Request):
     """Model to evaluate, clamps with known tilt, and the limit."""
 
     model: DrillModel
-    campaign: Annotated[
-        Reference,
-        Item(noun="document", argument="TEST", sent=True, help="Clamps that the fit did not use."),
-    ]
-    output: Annotated[
-        Path,
-        Output(
-            names=("--output", "-o"),
-            saved_as="report.html",
-            help="Report to write: .html, .pdf or .json.",
-        ),
-    ]
-    limit_deg: Annotated[float, Field(gt=0.0), Option(help="Limit for 95 % of the holes.")] = (
-        LIMIT_DEG
-    )
-    simulated: Annotated[
-        bool,
-        Option(help="Mark the test as simulated.", shells=NOT_IN_FORMS),
-    ] = False
+    campaign: Annotated[Reference, Item(noun="document", argument="TEST", sent=True)]
+    """Clamps that the fit did not use."""
+    output: Annotated[Path, Output(names=OUTPUT, saved_as="report.html")]
+    """Report to write: .html, .pdf or .json."""
+    limit_deg: Annotated[float, Field(gt=0.0)] = LIMIT_DEG
+    """Limit for 95 % of the holes."""
+    simulated: Annotated[bool, Option(shells=NOT_IN_FORMS)] = False
+    """Mark the test as simulated."""
     foot: ZeroFoot = None
     lang: Language = DEFAULT_LANG
 

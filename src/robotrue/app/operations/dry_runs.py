@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Final
 from robotrue.app.context import Context
 from robotrue.app.operation import Operation
 from robotrue.app.presentation import Note, PlainResult, Table
-from robotrue.app.request import InputFile, Item, Option, Output, Reference, Request
+from robotrue.app.request import InputFile, Item, Output, Reference, Request
+from robotrue.app.request_fields import OUTPUT
 from robotrue.core.provenance import MEASURED, Provenance, merge
 from robotrue.core.units import DEG, MM
 from robotrue.validation.validation_defaults import DRY_RUN_POINTS
@@ -35,31 +36,18 @@ NEXT: Final = (
 class DryRunPlanRequest(Request):
     """The program, the number of points, and the model that predicts their errors."""
 
-    program: Annotated[
-        Reference, Item(noun="program", argument="PROGRAM", help="Program from CAM.")
-    ]
-    output: Annotated[
-        Path,
-        Output(
-            names=("--output", "-o"),
-            what="a CSV table",
-            suffixes=(".csv",),
-            help="Sheet (CSV) to write.",
-        ),
-    ]
-    points: Annotated[int, Option(help="Number of points; at least 2.")] = DRY_RUN_POINTS
-    after: Annotated[
-        Reference | None,
-        Item(
-            noun="program", help="Its compensated copy; the sheet then holds the commands of both."
-        ),
-    ] = None
-    model: Annotated[
-        Reference | None, Item(noun="model", help="Model file: predicted errors and their band.")
-    ] = None
-    cell: Annotated[
-        Reference | None, Item(noun="cell", help="Registered cell with the part frame.")
-    ] = None
+    program: Annotated[Reference, Item(noun="program", argument="PROGRAM")]
+    """Program from CAM."""
+    output: Annotated[Path, Output(names=OUTPUT, what="a CSV table", suffixes=(".csv",))]
+    """Sheet (CSV) to write."""
+    points: int = DRY_RUN_POINTS
+    """Number of points; at least 2."""
+    after: Annotated[Reference | None, Item(noun="program")] = None
+    """Its compensated copy; the sheet then holds the commands of both."""
+    model: Annotated[Reference | None, Item(noun="model")] = None
+    """Model file: predicted errors and their band."""
+    cell: Annotated[Reference | None, Item(noun="cell")] = None
+    """Registered cell with the part frame."""
 
 
 def plan_dry_run(request: DryRunPlanRequest, context: Context) -> PlainResult:
@@ -200,18 +188,12 @@ NAMES: Final = ("x", "y", "z", "length")
 class DryRunRequest(Request):
     """Planned points, and the measurements before and after."""
 
-    sheet: Annotated[Path, InputFile(argument="SHEET", help="Points (CSV) of `dry-run-plan`.")]
-    before: Annotated[
-        Path,
-        InputFile(
-            argument="BEFORE",
-            help="Measured with the program from CAM: point, x_mm, y_mm, z_mm in base.",
-        ),
-    ]
-    after: Annotated[
-        Path | None,
-        InputFile(argument="[AFTER]", help="The same with the compensated program."),
-    ] = None
+    sheet: Annotated[Path, InputFile(argument="SHEET")]
+    """Points (CSV) of `dry-run-plan`."""
+    before: Annotated[Path, InputFile(argument="BEFORE")]
+    """Measured with the program from CAM: point, x_mm, y_mm, z_mm in base."""
+    after: Annotated[Path | None, InputFile(argument="[AFTER]")] = None
+    """The same with the compensated program."""
 
 
 def evaluate_dry_run(request: DryRunRequest, context: Context) -> PlainResult:

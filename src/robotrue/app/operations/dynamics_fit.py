@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Final, Literal, TypeAlias
 from robotrue.app.context import Context
 from robotrue.app.operation import Operation
 from robotrue.app.presentation import Block, Facts, PlainResult, Table, count
-from robotrue.app.request import InputFile, Option, Request
+from robotrue.app.request import InputFile, Request
 from robotrue.app.request_fields import (
     DIRECTION,
     Direction,
@@ -36,17 +36,13 @@ class DynamicsFitRequest(Request):
     """Windows to learn from, and the arm."""
 
     windows: WindowsFile
-    cell: Annotated[Path, InputFile(help="cell.toml with tool and joint stiffness.")]
-    output: Annotated[Path, model_output("Deviation model to write.")]
-    method: Annotated[
-        Literal["compliance", "jin2022"],
-        Option(
-            help=(
-                "compliance (compliant joints and a residual) or jin2022 (components "
-                "and support vectors of the paper, with its tables 1 to 3)."
-            )
-        ),
-    ] = "compliance"
+    cell: Annotated[Path, InputFile()]
+    """cell.toml with tool and joint stiffness."""
+    output: Annotated[Path, model_output()]
+    """Deviation model to write."""
+    method: Literal["compliance", "jin2022"] = "compliance"
+    """compliance (compliant joints and a residual) or jin2022 (components and support vectors of
+    the paper, with its tables 1 to 3)."""
     direction: Direction = DIRECTION
     frf: PredictedWith = None
 

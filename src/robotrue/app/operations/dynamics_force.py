@@ -10,7 +10,8 @@ from robotrue.app.context import Context
 from robotrue.app.operation import Operation
 from robotrue.app.outputs import require_suffix
 from robotrue.app.presentation import Facts, PlainResult, Table
-from robotrue.app.request import InputFile, Option, Output, Request
+from robotrue.app.request import InputFile, Output, Request
+from robotrue.app.request_fields import OUTPUT
 from robotrue.core.files import read_toml
 from robotrue.core.provenance import mark_line, read_provenance
 from robotrue.core.units import MM
@@ -30,31 +31,24 @@ SHOWN: Final = 8
 class DynamicsForceRequest(Request):
     """Cutting conditions, and the outputs."""
 
-    cut: Annotated[Path, InputFile(argument="CUT", help="Cutter, cut and material (TOML).")]
+    cut: Annotated[Path, InputFile(argument="CUT")]
+    """Cutter, cut and material (TOML)."""
     output: Annotated[
         Path | None,
-        Output(
-            names=("--output", "-o"),
-            what="a force table",
-            suffixes=(".csv", ".toml"),
-            help="Force record (CSV); with --along a table for `compensate --force`; with "
-            "--slots the cutting data (TOML).",
-        ),
+        Output(names=OUTPUT, what="a force table", suffixes=(".csv", ".toml")),
     ] = None
-    slots: Annotated[
-        Path | None,
-        InputFile(help="Mean forces of slots at several feeds, to identify the coefficients."),
-    ] = None
-    along: Annotated[
-        Path | None,
-        InputFile(help="Depth and width along a path: path_mm,depth_mm,width_mm."),
-    ] = None
-    measured: Annotated[
-        Path | None,
-        InputFile(help="A recorded force of the same cut, to compare with the model."),
-    ] = None
-    rate_hz: Annotated[float, Option(help="Samples per second of the record.")] = 20000.0
-    duration_s: Annotated[float, Option(help="Length of the record.")] = 1.0
+    """Force record (CSV); with --along a table for `compensate --force`; with --slots the
+    cutting data (TOML)."""
+    slots: Annotated[Path | None, InputFile()] = None
+    """Mean forces of slots at several feeds, to identify the coefficients."""
+    along: Annotated[Path | None, InputFile()] = None
+    """Depth and width along a path: path_mm,depth_mm,width_mm."""
+    measured: Annotated[Path | None, InputFile()] = None
+    """A recorded force of the same cut, to compare with the model."""
+    rate_hz: float = 20000.0
+    """Samples per second of the record."""
+    duration_s: float = 1.0
+    """Length of the record."""
 
 
 def run(request: DynamicsForceRequest, context: Context) -> PlainResult:

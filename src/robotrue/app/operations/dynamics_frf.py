@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Annotated, Final
 from robotrue.app.context import Context
 from robotrue.app.operation import Operation
 from robotrue.app.presentation import Block, Facts, PlainResult, Table, count
-from robotrue.app.request import InputFile, Option, Output, Request
-from robotrue.app.request_fields import StaticTest
+from robotrue.app.request import InputFile, Output, Request
+from robotrue.app.request_fields import OUTPUT, StaticTest
 from robotrue.core.units import UM
 from robotrue.errors import ConfigurationError, ObservabilityError
 
@@ -24,34 +24,19 @@ if TYPE_CHECKING:
 class DynamicsFrfRequest(Request):
     """Hammer records or a measured response, and the outputs."""
 
-    files: Annotated[
-        tuple[Path, ...],
-        InputFile(
-            argument="FILE...", help="Hammer records (CSV), one per axis hit, or one response."
-        ),
-    ]
-    output: Annotated[
-        Path | None,
-        Output(names=("--output", "-o"), help="Receptance to write: .csv or .uff."),
-    ] = None
-    modes: Annotated[
-        Path | None,
-        Output(
-            what="a robotrue file", suffixes=(".robotrue",), help="Also write the fitted modes."
-        ),
-    ] = None
-    duration_s: Annotated[
-        float | None, Option(help="Length of a segment; default: up to the next hit.")
-    ] = None
-    window: Annotated[
-        float | None,
-        Option(help="Where the exponential window ends, 0..1; default: none if it decays."),
-    ] = None
+    files: Annotated[tuple[Path, ...], InputFile(argument="FILE...")]
+    """Hammer records (CSV), one per axis hit, or one response."""
+    output: Annotated[Path | None, Output(names=OUTPUT)] = None
+    """Receptance to write: .csv or .uff."""
+    modes: Annotated[Path | None, Output(what="a robotrue file", suffixes=(".robotrue",))] = None
+    """Also write the fitted modes."""
+    duration_s: float | None = None
+    """Length of a segment; default: up to the next hit."""
+    window: float | None = None
+    """Where the exponential window ends, 0..1; default: none if it decays."""
     static_um_per_n: StaticTest = None
-    report: Annotated[
-        Path | None,
-        Output(help="Also write a plot of magnitude, phase, coherence (PNG, SVG or PDF)."),
-    ] = None
+    report: Annotated[Path | None, Output()] = None
+    """Also write a plot of magnitude, phase, coherence (PNG, SVG or PDF)."""
 
 
 def run(request: DynamicsFrfRequest, context: Context) -> PlainResult:

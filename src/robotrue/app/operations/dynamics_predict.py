@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Final
 from robotrue.app.context import Context
 from robotrue.app.operation import Operation
 from robotrue.app.presentation import Facts, PlainResult
-from robotrue.app.request import InputFile, Option, Output, Request
+from robotrue.app.request import InputFile, Output, Request
 from robotrue.app.request_fields import BETWEEN, WAYS_BETWEEN, Between, StaticTest, table_output
 from robotrue.core.provenance import mark_line, merge
 from robotrue.core.units import UM
@@ -26,33 +26,24 @@ if TYPE_CHECKING:
 class DynamicsPredictRequest(Request):
     """Response and force, and the interpolation between lines."""
 
-    frf: Annotated[
-        Path,
-        InputFile(help="Frequency response of the tool: CSV, UFF58 (.uff, .unv) or MAT."),
-    ]
-    force: Annotated[Path, InputFile(help="Recorded force on the tool: CSV, TDMS, MAT, UFF.")]
-    output: Annotated[Path, table_output("CSV of the error to write.")]
+    frf: Annotated[Path, InputFile()]
+    """Frequency response of the tool: CSV, UFF58 (.uff, .unv) or MAT."""
+    force: Annotated[Path, InputFile()]
+    """Recorded force on the tool: CSV, TDMS, MAT, UFF."""
+    output: Annotated[Path, table_output()]
+    """CSV of the error to write."""
     static_um_per_n: StaticTest = None
     between: Between = BETWEEN
-    padding_s: Annotated[
-        float | None,
-        Option(help="Zero padding after the record; default: twice the ringing time."),
-    ] = None
-    deviation: Annotated[
-        Path | None,
-        InputFile(help="Model of `dynamics fit`: add the learned deviation, window by window."),
-    ] = None
-    joints: Annotated[
-        Path | None,
-        InputFile(
-            help=("For --deviation, the joints: t_s and j1_deg.. (model) or a1_deg.. (displayed).")
-        ),
-    ] = None
-    spindle_rpm: Annotated[float | None, Option(help="Spindle speed, for --deviation.")] = None
-    report: Annotated[
-        Path | None,
-        Output(help="Also write a plot of force, error and response (PNG, SVG or PDF)."),
-    ] = None
+    padding_s: float | None = None
+    """Zero padding after the record; default: twice the ringing time."""
+    deviation: Annotated[Path | None, InputFile()] = None
+    """Model of `dynamics fit`: add the learned deviation, window by window."""
+    joints: Annotated[Path | None, InputFile()] = None
+    """For --deviation, the joints: t_s and j1_deg.. (model) or a1_deg.. (displayed)."""
+    spindle_rpm: float | None = None
+    """Spindle speed, for --deviation."""
+    report: Annotated[Path | None, Output()] = None
+    """Also write a plot of force, error and response (PNG, SVG or PDF)."""
 
 
 def run(request: DynamicsPredictRequest, context: Context) -> PlainResult:

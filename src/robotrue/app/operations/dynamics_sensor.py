@@ -22,13 +22,10 @@ if TYPE_CHECKING:
 class DynamicsSensorRequest(Request):
     """Readings of the force sensor at rest, in several poses."""
 
-    poses: Annotated[
-        Path,
-        InputFile(argument="POSES", help="Readings at rest, one row per pose of the wrist (CSV)."),
-    ]
-    output: Annotated[Path | None, model_output("File of mass, centre and offsets to write.")] = (
-        None
-    )
+    poses: Annotated[Path, InputFile(argument="POSES")]
+    """Readings at rest, one row per pose of the wrist (CSV)."""
+    output: Annotated[Path | None, model_output()] = None
+    """File of mass, centre and offsets to write."""
 
 
 def run(request: DynamicsSensorRequest, context: Context) -> PlainResult:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Final
 from robotrue.app.context import Context
 from robotrue.app.operation import Operation
 from robotrue.app.presentation import Facts, Note, PlainResult, Table, count
-from robotrue.app.request import InputFile, Option, Request
+from robotrue.app.request import InputFile, Request
 from robotrue.app.request_fields import (
     DIRECTION,
     Direction,
@@ -40,24 +40,19 @@ class DynamicsValidateRequest(Request):
     """Windows to check on, and either a model or the arm to learn with."""
 
     windows: WindowsFile
-    cell: Annotated[
-        Path | None, InputFile(help="cell.toml: fit to part of the windows, check on the others.")
-    ] = None
-    model: Annotated[
-        Path | None, InputFile(help="Model of `dynamics fit` to check on these windows.")
-    ] = None
-    output: Annotated[
-        Path | None, table_output("With --model: CSV of the estimates of all windows.")
-    ] = None
-    split: Annotated[
-        tuple[str, ...],
-        Option(help="random, blocks, passes or unseen; default: all that the data support."),
-    ] = ()
-    known: Annotated[
-        str | None, Option(help="Pass that `unseen` learns from; default: the first.")
-    ] = None
+    cell: Annotated[Path | None, InputFile()] = None
+    """cell.toml: fit to part of the windows, check on the others."""
+    model: Annotated[Path | None, InputFile()] = None
+    """Model of `dynamics fit` to check on these windows."""
+    output: Annotated[Path | None, table_output()] = None
+    """With --model: CSV of the estimates of all windows."""
+    split: tuple[str, ...] = ()
+    """random, blocks, passes or unseen; default: all that the data support."""
+    known: str | None = None
+    """Pass that `unseen` learns from; default: the first."""
     direction: Direction = DIRECTION
-    seed: Annotated[int, Option(help="Seed of the random split.")] = 0
+    seed: int = 0
+    """Seed of the random split."""
     frf: PredictedWith = None
 
 

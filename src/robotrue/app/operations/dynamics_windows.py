@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Final, Literal
 from robotrue.app.context import Context
 from robotrue.app.operation import Operation
 from robotrue.app.presentation import Facts, PlainResult, count
-from robotrue.app.request import InputFile, Option, Request
+from robotrue.app.request import InputFile, Request
 from robotrue.app.request_fields import (
     BETWEEN,
     DIRECTION,
@@ -34,57 +34,46 @@ if TYPE_CHECKING:
 class DynamicsWindowsRequest(Request):
     """Records, mounting of the sensors, and the length of the windows."""
 
-    force: Annotated[
-        Path,
-        InputFile(
-            argument="FORCE", help="Force of the pass: CSV (t_s,fx_N,fy_N,fz_N), TDMS, MAT, UFF."
-        ),
-    ]
-    cell: Annotated[Path, InputFile(help="cell.toml with arm and tool.")]
-    joints: Annotated[
-        Path,
-        InputFile(help="Joints of the pass, t_s and j1_deg.. (model) or a1_deg.. (displayed)."),
-    ]
-    frf: Annotated[Path, InputFile(help="Frequency response for the prediction, axes of base.")]
-    spindle_rpm: Annotated[float, Option(help="Speed of the spindle.")]
-    output: Annotated[Path, table_output("CSV of the windows to write.")]
-    laser: Annotated[
-        Path | None,
-        InputFile(help="Displacement along --direction: t_s and d_um or d_mm."),
-    ] = None
-    dry_laser: Annotated[Path | None, InputFile(help="The same for the dry run.")] = None
-    dry_joints: Annotated[Path | None, InputFile(help="Joints of the dry run.")] = None
-    onto: Annotated[Path | None, InputFile(help="Windows of earlier passes, to prepend.")] = None
-    name: Annotated[str, Option(help="Name of the pass.")] = "1"
-    carried_by: Annotated[
-        Literal["base", "tool", "spindle"],
-        Option(help="Mounting of the dynamometer: base, tool, or spindle (rotating)."),
-    ] = "base"
-    sensor_axes: Annotated[
-        str,
-        Option(help=("Directions of its x, y, z in the frame of its mounting, such as -y,x,z.")),
-    ] = "x,y,z"
-    spindle_angle: Annotated[
-        Path | None, InputFile(help="For a rotating dynamometer: t_s,angle_deg about the tool's z.")
-    ] = None
-    on_part: Annotated[
-        bool, Option(help="The dynamometer measures the force on the part, not on the tool.")
-    ] = False
-    keep_zero: Annotated[
-        bool, Option(help="Do not subtract its zero before and after the cut.")
-    ] = False
-    window_s: Annotated[
-        float | None, Option(help="Length of a window, rounded to whole turns; default 1.")
-    ] = None
-    edges: Annotated[
-        Path | None, InputFile(help="Windows as start_s,end_s instead, in times of the force.")
-    ] = None
-    joints_shift_s: Annotated[
-        float, Option(help="Added to times of the joints, for those of the force.")
-    ] = 0.0
-    laser_shift_s: Annotated[
-        float, Option(help="Added to times of the laser, for those of the force.")
-    ] = 0.0
+    force: Annotated[Path, InputFile(argument="FORCE")]
+    """Force of the pass: CSV (t_s,fx_N,fy_N,fz_N), TDMS, MAT, UFF."""
+    cell: Annotated[Path, InputFile()]
+    """cell.toml with arm and tool."""
+    joints: Annotated[Path, InputFile()]
+    """Joints of the pass, t_s and j1_deg.. (model) or a1_deg.. (displayed)."""
+    frf: Annotated[Path, InputFile()]
+    """Frequency response for the prediction, axes of base."""
+    spindle_rpm: float
+    """Speed of the spindle."""
+    output: Annotated[Path, table_output()]
+    """CSV of the windows to write."""
+    laser: Annotated[Path | None, InputFile()] = None
+    """Displacement along --direction: t_s and d_um or d_mm."""
+    dry_laser: Annotated[Path | None, InputFile()] = None
+    """The same for the dry run."""
+    dry_joints: Annotated[Path | None, InputFile()] = None
+    """Joints of the dry run."""
+    onto: Annotated[Path | None, InputFile()] = None
+    """Windows of earlier passes, to prepend."""
+    name: str = "1"
+    """Name of the pass."""
+    carried_by: Literal["base", "tool", "spindle"] = "base"
+    """Mounting of the dynamometer: base, tool, or spindle (rotating)."""
+    sensor_axes: str = "x,y,z"
+    """Directions of its x, y, z in the frame of its mounting, such as -y,x,z."""
+    spindle_angle: Annotated[Path | None, InputFile()] = None
+    """For a rotating dynamometer: t_s,angle_deg about the tool's z."""
+    on_part: bool = False
+    """The dynamometer measures the force on the part, not on the tool."""
+    keep_zero: bool = False
+    """Do not subtract its zero before and after the cut."""
+    window_s: float | None = None
+    """Length of a window, rounded to whole turns; default 1."""
+    edges: Annotated[Path | None, InputFile()] = None
+    """Windows as start_s,end_s instead, in times of the force."""
+    joints_shift_s: float = 0.0
+    """Added to times of the joints, for those of the force."""
+    laser_shift_s: float = 0.0
+    """Added to times of the laser, for those of the force."""
     static_um_per_n: StaticTest = None
     between: Between = BETWEEN
     direction: Direction = DIRECTION

@@ -10,7 +10,7 @@ from robotrue.app.context import Context
 from robotrue.app.operation import Operation
 from robotrue.app.presentation import PlainResult
 from robotrue.app.request import InputFile, Output, Request
-from robotrue.app.request_fields import Columns
+from robotrue.app.request_fields import OUTPUT, Columns
 from robotrue.errors import FormatError
 
 if TYPE_CHECKING:
@@ -22,19 +22,12 @@ if TYPE_CHECKING:
 class ExportPointsRequest(Request):
     """File with points, and the list to write."""
 
-    points: Annotated[
-        Path,
-        InputFile(argument="POINTS", help="Points of a part, measured points or a robot program."),
-    ]
+    points: Annotated[Path, InputFile(argument="POINTS")]
+    """Points of a part, measured points or a robot program."""
     output: Annotated[
-        Path,
-        Output(
-            names=("--output", "-o"),
-            what="a list of points",
-            suffixes=(".txt", ".csv"),
-            help=".csv: collection, group, name, x, y, z; any other name: name x y z and blanks.",
-        ),
+        Path, Output(names=OUTPUT, what="a list of points", suffixes=(".txt", ".csv"))
     ]
+    """.csv: collection, group, name, x, y, z; any other name: name x y z and blanks."""
     mapping: Columns = None
 
 

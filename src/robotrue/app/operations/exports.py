@@ -9,17 +9,13 @@ from robotrue.app.context import Context
 from robotrue.app.operation import Operation
 from robotrue.app.outputs import check_output
 from robotrue.app.presentation import PlainResult
-from robotrue.app.request import Option, Output, Request
-from robotrue.app.request_fields import AT_TARGET, CalibratedModel
+from robotrue.app.request import Output, Request
+from robotrue.app.request_fields import AT_TARGET, OUTPUT, CalibratedModel
 from robotrue.core.files import write_atomic
 from robotrue.core.units import MM
 
 if TYPE_CHECKING:
     from robotrue.report.export_losses import ExportableModel, Loss
-
-
-NAMES: Final = ("--output", "-o")
-HELP: Final = "File to write."
 
 
 class ExportRequest(Request):
@@ -28,20 +24,12 @@ class ExportRequest(Request):
     form: ClassVar[Literal["urdf", "dh", "controller", "ur"]]
 
     model: CalibratedModel
-    output: Annotated[Path, Output(names=NAMES, help=HELP)]
-    lossy: Annotated[
-        str,
-        Option(
-            help=(
-                "Parts that the export may omit: geometry, gear, compliance, ripple, "
-                "backlash, residual."
-            )
-        ),
-    ] = ""
-    at: Annotated[
-        Literal["target", "tool"],
-        Option(help="target (the measured point) or tool (of programs)."),
-    ] = AT_TARGET
+    output: Annotated[Path, Output(names=OUTPUT)]
+    """File to write."""
+    lossy: str = ""
+    """Parts that the export may omit: geometry, gear, compliance, ripple, backlash, residual."""
+    at: Literal["target", "tool"] = AT_TARGET
+    """target (the measured point) or tool (of programs)."""
 
 
 def export_arm(request: ExportRequest, context: Context) -> PlainResult:
@@ -100,8 +88,9 @@ class ExportUrdfRequest(ExportRequest):
 
     form = "urdf"
     output: Annotated[
-        Path, Output(names=NAMES, what="a robot description", suffixes=(".urdf", ".xml"), help=HELP)
+        Path, Output(names=OUTPUT, what="a robot description", suffixes=(".urdf", ".xml"))
     ]
+    """File to write."""
 
 
 EXPORT_URDF: Final = Operation(
@@ -115,7 +104,8 @@ class ExportDhRequest(ExportRequest):
     """Model to write as a DH table."""
 
     form = "dh"
-    output: Annotated[Path, Output(names=NAMES, what="a CSV table", suffixes=(".csv",), help=HELP)]
+    output: Annotated[Path, Output(names=OUTPUT, what="a CSV table", suffixes=(".csv",))]
+    """File to write."""
 
 
 EXPORT_DH: Final = Operation(
@@ -131,10 +121,9 @@ class ExportControllerRequest(ExportRequest):
     form = "controller"
     output: Annotated[
         Path,
-        Output(
-            names=NAMES, what="a sheet of the controller", suffixes=(".txt", ".json"), help=HELP
-        ),
+        Output(names=OUTPUT, what="a sheet of the controller", suffixes=(".txt", ".json")),
     ]
+    """File to write."""
 
 
 EXPORT_CONTROLLER: Final = Operation(
@@ -148,7 +137,8 @@ class ExportUrRequest(ExportRequest):
     """Model of a Universal Robots arm to write as the kinematics of its ROS driver."""
 
     form = "ur"
-    output: Annotated[Path, Output(names=NAMES, what="YAML", suffixes=(".yaml", ".yml"), help=HELP)]
+    output: Annotated[Path, Output(names=OUTPUT, what="YAML", suffixes=(".yaml", ".yml"))]
+    """File to write."""
 
 
 EXPORT_UR: Final = Operation(

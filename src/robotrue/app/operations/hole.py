@@ -10,7 +10,7 @@ from pydantic import Field
 from robotrue.app.context import Context
 from robotrue.app.operation import Operation
 from robotrue.app.presentation import Note, PlainResult, Table
-from robotrue.app.request import InputFile, Option, Request
+from robotrue.app.request import InputFile, Request
 from robotrue.core.provenance import merge, read_provenance
 from robotrue.core.units import MM, UM
 from robotrue.validation.validation_defaults import HOLE_CENTRE_MM, PROBE_SIGMA_UM, WALL_MM
@@ -24,29 +24,18 @@ if TYPE_CHECKING:
 class HoleRequest(Request):
     """Measured points of a hole, and the drawing's requirements."""
 
-    before: Annotated[
-        Path,
-        InputFile(
-            argument="POINTS",
-            help="x_mm, y_mm, z_mm on the wall (CSV) or a scan (STL); part axes, z along the hole.",
-        ),
-    ]
-    after: Annotated[
-        Path | None,
-        InputFile(argument="[AFTER]", help="The same hole of the compensated program."),
-    ] = None
-    diameter_mm: Annotated[float, Field(gt=0.0), Option(help="Nominal diameter.")]
-    centre_mm: Annotated[str, Option(help="X,Y of the nominal axis in part axes.")] = HOLE_CENTRE_MM
-    probe_sigma_um: Annotated[
-        float,
-        Field(gt=0.0),
-        Option(help="Standard deviation of one point along the wall's normal."),
-    ] = PROBE_SIGMA_UM
-    wall_mm: Annotated[
-        float,
-        Field(gt=0.0),
-        Option(help="For a scan: largest distance of used points from the nominal wall."),
-    ] = WALL_MM
+    before: Annotated[Path, InputFile(argument="POINTS")]
+    """x_mm, y_mm, z_mm on the wall (CSV) or a scan (STL); part axes, z along the hole."""
+    after: Annotated[Path | None, InputFile(argument="[AFTER]")] = None
+    """The same hole of the compensated program."""
+    diameter_mm: Annotated[float, Field(gt=0.0)]
+    """Nominal diameter."""
+    centre_mm: str = HOLE_CENTRE_MM
+    """X,Y of the nominal axis in part axes."""
+    probe_sigma_um: Annotated[float, Field(gt=0.0)] = PROBE_SIGMA_UM
+    """Standard deviation of one point along the wall's normal."""
+    wall_mm: Annotated[float, Field(gt=0.0)] = WALL_MM
+    """For a scan: largest distance of used points from the nominal wall."""
 
 
 def run(request: HoleRequest, context: Context) -> PlainResult:

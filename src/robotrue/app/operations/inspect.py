@@ -15,12 +15,11 @@ from robotrue.app.request_fields import Columns
 class InspectRequest(Request):
     """File to inspect; its kind is recognised by content, not by name."""
 
-    path: Annotated[Path, InputFile(argument="FILE", help="Model, cell, measurements or program.")]
+    path: Annotated[Path, InputFile(argument="FILE")]
+    """Model, cell, measurements or program."""
     mapping: Columns = None
-    doctor: Annotated[
-        Path | None,
-        InputFile(shells=ON_COMMAND_LINE, help="Cell of the measurements: report faults in them."),
-    ] = None
+    doctor: Annotated[Path | None, InputFile(shells=ON_COMMAND_LINE)] = None
+    """Cell of the measurements: report faults in them."""
 
 
 def run(request: InspectRequest, context: Context) -> PlainResult:

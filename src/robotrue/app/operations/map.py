@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Annotated, Final, Literal
 from robotrue.app.context import Context
 from robotrue.app.operation import Operation
 from robotrue.app.presentation import Block, Note, PlainResult, Table, count
-from robotrue.app.request import Item, Option, Output, Reference, Request
-from robotrue.app.request_fields import AT_TARGET
+from robotrue.app.request import Item, Output, Reference, Request
+from robotrue.app.request_fields import AT_TARGET, OUTPUT
 from robotrue.core.files import read_bytes, sha256
 from robotrue.core.provenance import mark_line, mark_title
 from robotrue.core.units import DEG, MM
@@ -30,45 +30,36 @@ SUFFIXES: Final = (".png", ".csv", ".html", ".htm")
 class MapRequest(Request):
     """Model, quantity and region of the map."""
 
-    model: Annotated[
-        Reference,
-        Item(
-            noun="model",
-            also=("cell",),
-            argument="MODEL|CELL",
-            help="Model file; a cell.toml maps its priors.",
-        ),
-    ]
-    output: Annotated[
-        Path,
-        Output(names=("--output", "-o"), help="Picture (.png), table (.csv) or page (.html)."),
-    ]
-    region: Annotated[
-        Literal["cylinder", "cube"], Option(help="cylinder (about joint 1) or cube.")
-    ] = "cylinder"
-    angle_deg: Annotated[str | None, Option(help="LOW,HIGH of a cylinder.")] = None
-    radius_mm: Annotated[str | None, Option(help="LOW,HIGH of a cylinder.")] = None
-    height_mm: Annotated[str | None, Option(help="LOW,HIGH of a cylinder.")] = None
-    x_mm: Annotated[str | None, Option(help="LOW,HIGH of a cube.")] = None
-    y_mm: Annotated[str | None, Option(help="LOW,HIGH of a cube.")] = None
-    z_mm: Annotated[str | None, Option(help="LOW,HIGH of a cube.")] = None
-    grid: Annotated[str, Option(help="Grid values along each coordinate.")] = "8,8,8"
-    sectors: Annotated[int, Option(help="Parts compared, along the angle or along y.")] = (
-        MAP_SECTORS
-    )
-    attitude: Annotated[
-        Literal["turning", "fixed"],
-        Option(help="turning (with the angle about joint 1) or fixed (in base)."),
-    ] = MAP_ATTITUDE
-    tool_abc_deg: Annotated[
-        str, Option(help="KUKA A,B,C of the point in base; for turning at angle 0.")
-    ] = TOOL_ABC_DEG
-    posture_deg: Annotated[
-        str | None, Option(help="Axes as displayed, of the arm configuration; default: as trained.")
-    ] = None
-    at: Annotated[
-        Literal["target", "tool"], Option(help="target (the measured point) or tool.")
-    ] = AT_TARGET
+    model: Annotated[Reference, Item(noun="model", also=("cell",), argument="MODEL|CELL")]
+    """Model file; a cell.toml maps its priors."""
+    output: Annotated[Path, Output(names=OUTPUT)]
+    """Picture (.png), table (.csv) or page (.html)."""
+    region: Literal["cylinder", "cube"] = "cylinder"
+    """cylinder (about joint 1) or cube."""
+    angle_deg: str | None = None
+    """LOW,HIGH of a cylinder."""
+    radius_mm: str | None = None
+    """LOW,HIGH of a cylinder."""
+    height_mm: str | None = None
+    """LOW,HIGH of a cylinder."""
+    x_mm: str | None = None
+    """LOW,HIGH of a cube."""
+    y_mm: str | None = None
+    """LOW,HIGH of a cube."""
+    z_mm: str | None = None
+    """LOW,HIGH of a cube."""
+    grid: str = "8,8,8"
+    """Grid values along each coordinate."""
+    sectors: int = MAP_SECTORS
+    """Parts compared, along the angle or along y."""
+    attitude: Literal["turning", "fixed"] = MAP_ATTITUDE
+    """turning (with the angle about joint 1) or fixed (in base)."""
+    tool_abc_deg: str = TOOL_ABC_DEG
+    """KUKA A,B,C of the point in base; for turning at angle 0."""
+    posture_deg: str | None = None
+    """Axes as displayed, of the arm configuration; default: as trained."""
+    at: Literal["target", "tool"] = AT_TARGET
+    """target (the measured point) or tool."""
 
 
 def _blocks(

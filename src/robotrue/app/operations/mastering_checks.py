@@ -29,17 +29,18 @@ class MasteringPlanRequest(Request):
     """Place of the point, and limits for the touches."""
 
     cell: CellOrModel
-    point_mm: Annotated[str, Option(help="X,Y,Z: approximate position of the point in base.")]
-    output: Annotated[Path, table_output(help="CSV of the touches to write.")]
-    postures: Annotated[int, Option(names=("--postures", "-n"), help="Number of postures.")] = (
-        MASTERING_TOUCHES
-    )
-    tool_lean_deg: Annotated[float, Option(help="Largest lean of the tool from vertical.")] = (
-        TOOL_LEAN_DEG
-    )
+    point_mm: str
+    """X,Y,Z: approximate position of the point in base."""
+    output: Annotated[Path, table_output()]
+    """CSV of the touches to write."""
+    postures: Annotated[int, Option(names=("--postures", "-n"))] = MASTERING_TOUCHES
+    """Number of postures."""
+    tool_lean_deg: float = TOOL_LEAN_DEG
+    """Largest lean of the tool from vertical."""
     touch_sigma_mm: TouchSigma = TOUCH_MM
     tool_sigma_mm: ToolSigma = None
-    seed: Annotated[int, Option(help="Seed of the attitudes.")] = SEED
+    seed: int = SEED
+    """Seed of the attitudes."""
 
 
 def plan_postures(request: MasteringPlanRequest, context: Context) -> PlainResult:
@@ -108,24 +109,15 @@ class MasteringRequest(Request):
     """Measured touches, and the uncertainty of point and tool."""
 
     cell: CellOrModel
-    touches: Annotated[
-        Path,
-        InputFile(argument="TOUCHES", help="CSV of the touches of one fixed point, in joints."),
-    ]
+    touches: Annotated[Path, InputFile(argument="TOUCHES")]
+    """CSV of the touches of one fixed point, in joints."""
     touch_sigma_mm: TouchSigma = TOUCH_MM
     tool_sigma_mm: ToolSigma = None
-    point_mm: Annotated[
-        str | None,
-        Option(
-            help=(
-                "X,Y,Z in base: the point as the arm probed it before the fault; "
-                "required to determine axis 1."
-            )
-        ),
-    ] = None
-    point_sigma_mm: Annotated[float, Option(help="Standard deviation of that point per axis.")] = (
-        POINT_SIGMA_MM
-    )
+    point_mm: str | None = None
+    """X,Y,Z in base: the point as the arm probed it before the fault; required to determine axis
+    1."""
+    point_sigma_mm: float = POINT_SIGMA_MM
+    """Standard deviation of that point per axis."""
 
 
 def check_zeros(request: MasteringRequest, context: Context) -> PlainResult:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Final
 from robotrue.app.context import Context
 from robotrue.app.operation import Operation
 from robotrue.app.presentation import Block, Facts, Note, PlainResult, Table
-from robotrue.app.request import InputFile, Item, Option, Reference, Request
+from robotrue.app.request import InputFile, Item, Reference, Request
 from robotrue.app.request_fields import TouchSigma, cell_output
 from robotrue.core.provenance import merge
 from robotrue.core.units import DEG, MM
@@ -32,27 +32,23 @@ if TYPE_CHECKING:
 class BlankCheckRequest(Request):
     """Part and its blank."""
 
-    cell: Annotated[
-        Reference,
-        Item(noun="cell", argument="CELL", help="cell.toml, preferably written by `register`."),
-    ]
-    blank: Annotated[
-        Path,
-        InputFile(argument="BLANK", help="CSV of touches of the blank, with normals of its faces."),
-    ]
-    mesh: Annotated[Path, InputFile(help="The finished part (STL).")]
-    mesh_unit: Annotated[str, Option(help="mm, m or inch.")] = MESH_UNIT
-    part: Annotated[
-        str | None, Option(help="Part frame the part will be cut in; default: the only one.")
-    ] = None
-    leave_mm: Annotated[float, Option(help="Minimum stock over the part on every face.")] = (
-        LEFT_OVER_MM
-    )
-    probe_radius_mm: Annotated[float, Option(help="Radius of the probe's ball.")] = PROBE_RADIUS_MM
+    cell: Annotated[Reference, Item(noun="cell", argument="CELL")]
+    """cell.toml, preferably written by `register`."""
+    blank: Annotated[Path, InputFile(argument="BLANK")]
+    """CSV of touches of the blank, with normals of its faces."""
+    mesh: Annotated[Path, InputFile()]
+    """The finished part (STL)."""
+    mesh_unit: str = MESH_UNIT
+    """mm, m or inch."""
+    part: str | None = None
+    """Part frame the part will be cut in; default: the only one."""
+    leave_mm: float = LEFT_OVER_MM
+    """Minimum stock over the part on every face."""
+    probe_radius_mm: float = PROBE_RADIUS_MM
+    """Radius of the probe's ball."""
     touch_sigma_mm: TouchSigma = TOUCH_MM
-    output: Annotated[
-        Path | None, cell_output("Also write the registered cell with the part shifted.")
-    ] = None
+    output: Annotated[Path | None, cell_output()] = None
+    """Also write the registered cell with the part shifted."""
 
 
 def check_blank_part(request: BlankCheckRequest, context: Context) -> PlainResult:
@@ -212,22 +208,16 @@ BLANK_CHECK: Final = Operation(
 class DatumCheckRequest(Request):
     """Measured datums and their tolerances."""
 
-    cell: Annotated[
-        Reference, Item(noun="registration", argument="CELL", help="Cell that `register` wrote.")
-    ]
-    datums: Annotated[
-        Path, InputFile(argument="DATUMS", help="CSV of the probed datums, like the touches.")
-    ]
-    tolerance_mm: Annotated[float, Option(help="Tolerance on the position of the part.")]
-    touches: Annotated[
-        Path | None,
-        InputFile(
-            help=("CSV of the registration; default: the file that the cell names, in its folder.")
-        ),
-    ] = None
-    part: Annotated[
-        str | None, Option(help="Part frame to check; default: of the same name, or the only one.")
-    ] = None
+    cell: Annotated[Reference, Item(noun="registration", argument="CELL")]
+    """Cell that `register` wrote."""
+    datums: Annotated[Path, InputFile(argument="DATUMS")]
+    """CSV of the probed datums, like the touches."""
+    tolerance_mm: float
+    """Tolerance on the position of the part."""
+    touches: Annotated[Path | None, InputFile()] = None
+    """CSV of the registration; default: the file that the cell names, in its folder."""
+    part: str | None = None
+    """Part frame to check; default: of the same name, or the only one."""
     touch_sigma_mm: TouchSigma = TOUCH_MM
 
 

@@ -24,10 +24,10 @@ class PredictRequest(Request):
     """Model, and the poses at which to predict."""
 
     model: CalibratedModel
-    queries: Annotated[
-        Path, InputFile(argument="QUERIES", help="CSV of joints, wrenches, temperatures.")
-    ]
-    output: Annotated[Path, table_output(help="CSV to write.")]
+    queries: Annotated[Path, InputFile(argument="QUERIES")]
+    """CSV of joints, wrenches, temperatures."""
+    output: Annotated[Path, table_output()]
+    """CSV to write."""
     mapping: Columns = None
 
 

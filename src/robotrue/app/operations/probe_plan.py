@@ -37,54 +37,31 @@ class ProbePlanRequest(Request):
     """Features to probe, machined points, and the goal of the choice."""
 
     cell: CellOrModel
-    part: Annotated[Path, InputFile(names=("--part",), help="CSV of the candidate features.")]
-    machined: Annotated[
-        tuple[Path, ...],
-        InputFile(
-            names=("--machined",),
-            help="Postures (CSV with joints), tool path or program; may be repeated.",
-        ),
-    ]
-    output: Annotated[Path, table_output(help="CSV of the touches to write.")]
-    touches: Annotated[
-        int, Option(names=("--touches", "-n"), help="Maximum number of touches.")
-    ] = 20
-    frame: Annotated[
-        str | None,
-        Option(help="X,Y,Z,A,B,C: approximate part frame; default: from CELL."),
-    ] = None
-    run: Annotated[
-        Literal["compensated", "unchanged"],
-        Option(help="compensated, or unchanged: with the controller's own model."),
-    ] = "compensated"
-    goal: Annotated[
-        Literal["mean", "worst"],
-        Option(
-            help=("mean: smallest RMS uncertainty. worst: smallest uncertainty of the worst point.")
-        ),
-    ] = GOAL
-    tolerance_mm: Annotated[
-        float,
-        Option(help="Stop when that uncertainty (3-D, one sigma) is below this."),
-    ] = 0.0
+    part: Annotated[Path, InputFile()]
+    """CSV of the candidate features."""
+    machined: Annotated[tuple[Path, ...], InputFile()]
+    """Postures (CSV with joints), tool path or program; may be repeated."""
+    output: Annotated[Path, table_output()]
+    """CSV of the touches to write."""
+    touches: Annotated[int, Option(names=("--touches", "-n"))] = 20
+    """Maximum number of touches."""
+    frame: str | None = None
+    """X,Y,Z,A,B,C: approximate part frame; default: from CELL."""
+    run: Literal["compensated", "unchanged"] = "compensated"
+    """compensated, or unchanged: with the controller's own model."""
+    goal: Literal["mean", "worst"] = GOAL
+    """mean: smallest RMS uncertainty. worst: smallest uncertainty of the worst point."""
+    tolerance_mm: float = 0.0
+    """Stop when that uncertainty (3-D, one sigma) is below this."""
     touch_sigma_mm: TouchSigma = TOUCH_MM
     tool_sigma_mm: ToolSigma = None
-    lean_deg: Annotated[
-        float,
-        Option(help="Lean of the touches from the machined attitudes."),
-    ] = LEAN_DEG
-    tip_axis: Annotated[
-        str, Option(help="Direction to the tip in the tool frame: +z, or +x on many KUKA.")
-    ] = TIP_AXIS
+    lean_deg: float = LEAN_DEG
+    """Lean of the touches from the machined attitudes."""
+    tip_axis: str = TIP_AXIS
+    """Direction to the tip in the tool frame: +z, or +x on many KUKA."""
     report: Page = None
-    picture: Annotated[
-        Path | None,
-        Output(
-            what="a picture",
-            suffixes=(".png",),
-            help="Also write a plot of the uncertainty over the part (PNG).",
-        ),
-    ] = None
+    picture: Annotated[Path | None, Output(what="a picture", suffixes=(".png",))] = None
+    """Also write a plot of the uncertainty over the part (PNG)."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -12,7 +12,7 @@ from robotrue.app.operation import Operation
 from robotrue.app.operations.compensate import run as compensate
 from robotrue.app.presentation import PlainResult, Table
 from robotrue.app.request import InputFile, Item, Option, Output, Reference, Request
-from robotrue.app.request_fields import Page
+from robotrue.app.request_fields import OUTPUT, Page
 from robotrue.core.files import read_bytes, write_atomic
 from robotrue.core.provenance import Provenance, marked_document, merge, simulation_mark
 from robotrue.core.units import DEG, MM
@@ -42,76 +42,42 @@ SUFFIXES: Final = (
 class ProgramRequest(Request):
     """Tool paths to convert to a program, and the motion of the arm."""
 
-    cell: Annotated[
-        Reference,
-        Item(
-            noun="cell",
-            also=("registration",),
-            argument="CELL",
-            help="cell.toml, preferably written by `register`.",
-        ),
-    ]
-    toolpaths: Annotated[
-        tuple[Path, ...],
-        InputFile(argument="TOOLPATH...", help="APT/CL data or CSV, one per side."),
-    ]
-    output: Annotated[
-        Path,
-        Output(
-            names=("--output", "-o"),
-            what="a robot program",
-            suffixes=SUFFIXES,
-            help=(
-                "Program to write; its suffix selects the language: .src is KRL, .mod RAPID, ..."
-            ),
-        ),
-    ]
-    language: Annotated[
-        str | None,
-        Option(help="Name of the post processor, if the suffix does not determine it."),
-    ] = None
-    post: Annotated[Path | None, InputFile(help="Your own post description (TOML).")] = None
-    model: Annotated[
-        Reference | None, Item(noun="model", help="Also compensate the program with this model.")
-    ] = None
-    part: Annotated[
-        tuple[str, ...],
-        Option(help="Part frame, for all sides or one for each; default: of the same name."),
-    ] = ()
-    mesh: Annotated[
-        Path | None, InputFile(help="Part (STL): keep only points inside its largest contour.")
-    ] = None
-    passes: Annotated[
-        tuple[str, ...],
-        Option(
-            names=("--pass",),
-            help="rough or finish, once for each tool path; default: finish, cut unchanged.",
-        ),
-    ] = ()
-    stock_mm: Annotated[float, Option(help="Stock of roughing passes along the tool axis.")] = (
-        STOCK_MM
-    )
-    margin_mm: Annotated[
-        float, Option(help="Margin outside the contour within which points are kept.")
-    ] = 0.0
-    cutter: Annotated[
-        str | None,
-        Option(help="Axis of [tool] from spindle to tip: x, y, z, -x, -y, -z; default z."),
-    ] = None
-    lift_mm: Annotated[
-        float, Option(help="Height over part and paths before and after each side.")
-    ] = LIFT_MM
-    home_deg: Annotated[str | None, Option(help="A1,..,A6 at the start and end of the job.")] = None
-    rapid_mm_per_s: Annotated[float, Option(help="Speed of rapid points.")] = 200.0
-    feed_mm_per_min: Annotated[
-        float | None, Option(help="Feed of cutting points before the first stated feed.")
-    ] = None
-    blend_mm: Annotated[
-        float, Option(help="Blending distance at corners; 0 stops at every point.")
-    ] = BLEND_MM
-    max_shift_mm: Annotated[
-        float, Option(help="With --model: do not compensate a target that would move further.")
-    ] = MAX_SHIFT_MM
+    cell: Annotated[Reference, Item(noun="cell", also=("registration",), argument="CELL")]
+    """cell.toml, preferably written by `register`."""
+    toolpaths: Annotated[tuple[Path, ...], InputFile(argument="TOOLPATH...")]
+    """APT/CL data or CSV, one per side."""
+    output: Annotated[Path, Output(names=OUTPUT, what="a robot program", suffixes=SUFFIXES)]
+    """Program to write; its suffix selects the language: .src is KRL, .mod RAPID, ..."""
+    language: str | None = None
+    """Name of the post processor, if the suffix does not determine it."""
+    post: Annotated[Path | None, InputFile()] = None
+    """Your own post description (TOML)."""
+    model: Annotated[Reference | None, Item(noun="model")] = None
+    """Also compensate the program with this model."""
+    part: tuple[str, ...] = ()
+    """Part frame, for all sides or one for each; default: of the same name."""
+    mesh: Annotated[Path | None, InputFile()] = None
+    """Part (STL): keep only points inside its largest contour."""
+    passes: Annotated[tuple[str, ...], Option(names=("--pass",))] = ()
+    """rough or finish, once for each tool path; default: finish, cut unchanged."""
+    stock_mm: float = STOCK_MM
+    """Stock of roughing passes along the tool axis."""
+    margin_mm: float = 0.0
+    """Margin outside the contour within which points are kept."""
+    cutter: str | None = None
+    """Axis of [tool] from spindle to tip: x, y, z, -x, -y, -z; default z."""
+    lift_mm: float = LIFT_MM
+    """Height over part and paths before and after each side."""
+    home_deg: str | None = None
+    """A1,..,A6 at the start and end of the job."""
+    rapid_mm_per_s: float = 200.0
+    """Speed of rapid points."""
+    feed_mm_per_min: float | None = None
+    """Feed of cutting points before the first stated feed."""
+    blend_mm: float = BLEND_MM
+    """Blending distance at corners; 0 stops at every point."""
+    max_shift_mm: float = MAX_SHIFT_MM
+    """With --model: do not compensate a target that would move further."""
     max_step_mm: Annotated[float, MAX_STEP] = MAX_STEP_MM
     allow_steps: Annotated[bool, ALLOW_STEPS] = False
     report: Page = None

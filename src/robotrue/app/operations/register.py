@@ -9,7 +9,7 @@ from robotrue.app.context import Context
 from robotrue.app.operation import Operation
 from robotrue.app.outputs import check_output
 from robotrue.app.presentation import PlainResult
-from robotrue.app.request import InputFile, Option, Output, Request
+from robotrue.app.request import InputFile, Output, Request
 from robotrue.app.request_fields import (
     CellOrModel,
     FrameFormats,
@@ -35,41 +35,30 @@ class RegisterRequest(Request):
     """Probing points to locate the part with, and their uncertainty."""
 
     cell: CellOrModel
-    points: Annotated[Path, InputFile(argument="POINTS", help="CSV of the touches.")]
-    output: Annotated[Path, cell_output("Registered cell to write.")]
+    points: Annotated[Path, InputFile(argument="POINTS")]
+    """CSV of the touches."""
+    output: Annotated[Path, cell_output()]
+    """Registered cell to write."""
     touch_sigma_mm: TouchSigma = TOUCH_MM
-    robot_sigma_mm: Annotated[
-        float | None,
-        Option(help="Standard deviation of the arm over the part; default: from its model."),
-    ] = None
+    robot_sigma_mm: float | None = None
+    """Standard deviation of the arm over the part; default: from its model."""
     tool_sigma_mm: ToolSigma = None
     tolerance_mm: PartTolerance = None
-    probe_radius_mm: Annotated[float, Option(help="Radius of the probe's ball.")] = PROBE_RADIUS_MM
-    fit: Annotated[
-        Literal["auto", "frame", "joint"],
-        Option(
-            help=("auto; frame: the arm stays unchanged; joint: estimates arm, tool and frame.")
-        ),
-    ] = REGISTRATION_FIT
-    method: Annotated[
-        Literal["touches", "feng2018", "three-two-one"],
-        Option(
-            help="touches: all count; feng2018: three points, right angle at the first; "
-            "three-two-one: six touches of three faces."
-        ),
-    ] = REGISTRATION_METHOD
-    mesh: Annotated[
-        Path | None, InputFile(help="The part (STL): touches with a normal lie on it.")
-    ] = None
-    mesh_unit: Annotated[str, Option(help="mm, m or inch.")] = MESH_UNIT
-    model_out: Annotated[
-        Path | None,
-        Output(
-            what="a robotrue file",
-            suffixes=(".robotrue",),
-            help="Refined model, if probing refined the arm; default: beside the cell.",
-        ),
-    ] = None
+    probe_radius_mm: float = PROBE_RADIUS_MM
+    """Radius of the probe's ball."""
+    fit: Literal["auto", "frame", "joint"] = REGISTRATION_FIT
+    """auto; frame: the arm stays unchanged; joint: estimates arm, tool and frame."""
+    method: Literal["touches", "feng2018", "three-two-one"] = REGISTRATION_METHOD
+    """touches: all count; feng2018: three points, right angle at the first; three-two-one: six
+    touches of three faces."""
+    mesh: Annotated[Path | None, InputFile()] = None
+    """The part (STL): touches with a normal lie on it."""
+    mesh_unit: str = MESH_UNIT
+    """mm, m or inch."""
+    model_out: Annotated[Path | None, Output(what="a robotrue file", suffixes=(".robotrue",))] = (
+        None
+    )
+    """Refined model, if probing refined the arm; default: beside the cell."""
     frame_format: FrameFormats = ()
     frame_number: FrameNumber = FRAME_NUMBER
 

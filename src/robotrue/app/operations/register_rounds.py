@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Final, Literal
 from robotrue.app.context import Context
 from robotrue.app.operation import Operation
 from robotrue.app.presentation import Block, Facts, Note, PlainResult, Table
-from robotrue.app.request import InputFile, Option, Request
+from robotrue.app.request import InputFile, Request
 from robotrue.app.request_fields import (
     CellOrModel,
     FrameFormats,
@@ -31,21 +31,14 @@ class RegisterRoundsRequest(Request):
     """Probed rounds, and the frame of the first round."""
 
     cell: CellOrModel
-    rounds: Annotated[
-        tuple[Path, ...],
-        InputFile(
-            argument="ROUND...", help="CSV of the touches of each round, the first one first."
-        ),
-    ]
-    output: Annotated[Path, cell_output("Cell with the frame for the next run.")]
-    frame: Annotated[
-        str | None,
-        Option(help="X,Y,Z,A,B,C of the part in the first run; default: from CELL."),
-    ] = None
-    method: Annotated[
-        Literal["touches", "feng2018"],
-        Option(help="touches: all count; feng2018: three points, right angle at the first."),
-    ] = REGISTRATION_METHOD
+    rounds: Annotated[tuple[Path, ...], InputFile(argument="ROUND...")]
+    """CSV of the touches of each round, the first one first."""
+    output: Annotated[Path, cell_output()]
+    """Cell with the frame for the next run."""
+    frame: str | None = None
+    """X,Y,Z,A,B,C of the part in the first run; default: from CELL."""
+    method: Literal["touches", "feng2018"] = REGISTRATION_METHOD
+    """touches: all count; feng2018: three points, right angle at the first."""
     touch_sigma_mm: TouchSigma = TOUCH_MM
     tool_sigma_mm: ToolSigma = None
     tolerance_mm: PartTolerance = None

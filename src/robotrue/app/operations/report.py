@@ -49,31 +49,21 @@ KEPT: Final[Mapping[str, Mapping[str, str]]] = {
 class ReportRequest(Request):
     """Subject of the report: the first stated of program, registration and model."""
 
-    program: Annotated[
-        Reference | None, Item(noun="program", help="Compensated program to check.")
-    ] = None
-    registration: Annotated[
-        Reference | None, Item(noun="registration", help="Registration to report.")
-    ] = None
-    model: Annotated[Reference | None, Item(noun="model", help="Model to certify.")] = None
-    measurements: Annotated[
-        tuple[Reference, ...],
-        Item(noun="measurement", help="Held-out poses."),
-    ] = ()
-    tolerance_mm: Annotated[
-        float | None,
-        Field(gt=0.0),
-        Option(
-            offered=(0.001, 1000.0),
-            help="Tolerance on the position error of a target or pose.",
-        ),
-    ] = None
+    program: Annotated[Reference | None, Item(noun="program")] = None
+    """Compensated program to check."""
+    registration: Annotated[Reference | None, Item(noun="registration")] = None
+    """Registration to report."""
+    model: Annotated[Reference | None, Item(noun="model")] = None
+    """Model to certify."""
+    measurements: Annotated[tuple[Reference, ...], Item(noun="measurement")] = ()
+    """Held-out poses."""
+    tolerance_mm: Annotated[float | None, Field(gt=0.0), Option(offered=(0.001, 1000.0))] = None
+    """Tolerance on the position error of a target or pose."""
     lang: Language = DEFAULT_LANG
-    strict: Annotated[bool, Option(help="Joint targets count as unproven.")] = False
-    forms: Annotated[
-        tuple[Literal["html", "pdf", "json", "xml"], ...],
-        Option(help="html, pdf, json, xml (DCC); default: the first three, if possible."),
-    ] = ()
+    strict: bool = False
+    """Joint targets count as unproven."""
+    forms: tuple[Literal["html", "pdf", "json", "xml"], ...] = ()
+    """html, pdf, json, xml (DCC); default: the first three, if possible."""
     detail: CertificateDetails = ()
 
     @property

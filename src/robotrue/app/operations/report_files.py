@@ -13,7 +13,7 @@ from robotrue.app.context import Context
 from robotrue.app.operation import Operation
 from robotrue.app.presentation import PlainResult
 from robotrue.app.request import InputFile, Item, Option, Output, Reference, Request
-from robotrue.app.request_fields import CalibratedModel, CertificateDetails, Columns
+from robotrue.app.request_fields import OUTPUT, CalibratedModel, CertificateDetails, Columns
 from robotrue.core.files import DEFAULT_LANG
 from robotrue.core.units import MM
 from robotrue.errors import ConfigurationError
@@ -26,39 +26,21 @@ class ReportCalibrationRequest(Request):
     """Model to certify, poses to check it on, and further terms of the budget."""
 
     model: CalibratedModel
-    test: Annotated[
-        tuple[Reference, ...],
-        Item(noun="measurement", argument="[TEST...]", help="Held-out poses."),
-    ] = ()
-    output: Annotated[
-        tuple[Path, ...],
-        Output(
-            names=("--output", "-o"),
-            help=".html, .pdf, .json or .xml (DCC); may be repeated. JSON is always written, too.",
-        ),
-    ]
+    test: Annotated[tuple[Reference, ...], Item(noun="measurement", argument="[TEST...]")] = ()
+    """Held-out poses."""
+    output: Annotated[tuple[Path, ...], Output(names=OUTPUT)]
+    """.html, .pdf, .json or .xml (DCC); may be repeated. JSON is always written, too."""
     lang: reported.Language = DEFAULT_LANG
-    tolerance_mm: Annotated[
-        float | None,
-        Field(gt=0.0),
-        Option(help="Tolerance to check for 95 % of the held-out poses."),
-    ] = None
-    cell: Annotated[
-        Reference | None, Item(noun="registration", help="Registered cell with the part frame.")
-    ] = None
-    part: Annotated[str | None, Option(help="Part frame of --cell.")] = None
-    force_sigma_N: Annotated[
-        float,
-        Field(ge=0.0),
-        Option(
-            names=("--force-sigma-n",),
-            help="Standard deviation of the process force, per axis, for the budget.",
-        ),
-    ] = 0.0
-    details: Annotated[
-        Path | None,
-        InputFile(help="TOML with a [report] table: number, customer, serial numbers, ..."),
-    ] = None
+    tolerance_mm: Annotated[float | None, Field(gt=0.0)] = None
+    """Tolerance to check for 95 % of the held-out poses."""
+    cell: Annotated[Reference | None, Item(noun="registration")] = None
+    """Registered cell with the part frame."""
+    part: str | None = None
+    """Part frame of --cell."""
+    force_sigma_N: Annotated[float, Field(ge=0.0), Option(names=("--force-sigma-n",))] = 0.0
+    """Standard deviation of the process force, per axis, for the budget."""
+    details: Annotated[Path | None, InputFile()] = None
+    """TOML with a [report] table: number, customer, serial numbers, ..."""
     detail: CertificateDetails = ()
     mapping: Columns = None
     simulated: reported.Simulated = False
@@ -130,29 +112,28 @@ REPORT_CALIBRATION: Final = Operation(
 class ReportProgramRequest(Request):
     """Program to check, the model, the tolerance, and the force."""
 
-    before: Annotated[Reference, Item(noun="program", argument="BEFORE", help="Program from CAM.")]
-    after: Annotated[Reference, Item(noun="program", argument="AFTER", help="Compensated program.")]
-    model: Annotated[
-        Reference,
-        Item(noun="model", also=("registration",), help="Model file, or a registered cell."),
-    ]
-    tolerance_mm: Annotated[float, Option(help="Tolerance on the position error of a target.")]
+    before: Annotated[Reference, Item(noun="program", argument="BEFORE")]
+    """Program from CAM."""
+    after: Annotated[Reference, Item(noun="program", argument="AFTER")]
+    """Compensated program."""
+    model: Annotated[Reference, Item(noun="model", also=("registration",))]
+    """Model file, or a registered cell."""
+    tolerance_mm: float
+    """Tolerance on the position error of a target."""
     output: reported.Outputs
     lang: reported.Language = DEFAULT_LANG
-    cell: Annotated[
-        Reference | None, Item(noun="registration", help="Registered cell with the part frame.")
-    ] = None
-    wrench: Annotated[
-        str | None, Option(help="Process force FX,FY,FZ[,MX,MY,MZ] in N, N m, base axes.")
-    ] = None
-    force: Annotated[Path | None, InputFile(help="Process force along the path.")] = None
-    cutter: Annotated[
-        str | None, Option(help="Axis of [tool] from spindle to tip, for --force.")
-    ] = None
-    start: Annotated[
-        str | None, Option(help="Start posture A1,..,A6 in deg, as for compensate.")
-    ] = None
-    strict: Annotated[bool, Option(help="Joint targets count as unproven.")] = False
+    cell: Annotated[Reference | None, Item(noun="registration")] = None
+    """Registered cell with the part frame."""
+    wrench: str | None = None
+    """Process force FX,FY,FZ[,MX,MY,MZ] in N, N m, base axes."""
+    force: Annotated[Path | None, InputFile()] = None
+    """Process force along the path."""
+    cutter: str | None = None
+    """Axis of [tool] from spindle to tip, for --force."""
+    start: str | None = None
+    """Start posture A1,..,A6 in deg, as for compensate."""
+    strict: bool = False
+    """Joint targets count as unproven."""
     simulated: reported.Simulated = False
 
 
@@ -242,10 +223,8 @@ REPORT_PROGRAM: Final = Operation(
 class ReportRegistrationRequest(Request):
     """Registered cell to report."""
 
-    cell: Annotated[
-        Reference,
-        Item(noun="registration", argument="CELL", help="Cell that `register` wrote."),
-    ]
+    cell: Annotated[Reference, Item(noun="registration", argument="CELL")]
+    """Cell that `register` wrote."""
     output: reported.Outputs
     lang: reported.Language = DEFAULT_LANG
     simulated: reported.Simulated = False

@@ -9,6 +9,7 @@ from robotrue.app.context import Context
 from robotrue.app.operation import Operation
 from robotrue.app.presentation import Facts, PlainResult, Table
 from robotrue.app.request import Option, Request
+from robotrue.app.request_fields import OUTPUT
 from robotrue.core.provenance import Provenance
 from robotrue.errors import ConfigurationError
 
@@ -16,25 +17,20 @@ from robotrue.errors import ConfigurationError
 class ReproduceRequest(Request):
     """Paper to reproduce, and the number of arms."""
 
-    paper: Annotated[
-        str, Option(argument="PAPER", help="deng2022, feng2018, jin2022 or drill-patent.")
-    ]
-    robots: Annotated[int, Option(help="Number of simulated arms.")] = 20
-    scenario: Annotated[
-        str, Option(help="deng2022: S0, S1, S2 or S4 (scatter of the arms) with A or B.")
-    ] = "S2A"
-    quick: Annotated[
-        bool, Option(help="A part of the tables, fewer layouts, a shallower hole.")
-    ] = False
-    output: Annotated[
-        Path | None,
-        Option(names=("--output", "-o"), help="Folder for JSON and CSV of the figures."),
-    ] = None
-    data: Annotated[
-        Path | None,
-        Option(help="deng2022: write one arm's cell and measurements to this folder instead."),
-    ] = None
-    seed: Annotated[int, Option(least=0, help="Seed of the arm of --data.")] = 1
+    paper: Annotated[str, Option(argument="PAPER")]
+    """deng2022, feng2018, jin2022 or drill-patent."""
+    robots: int = 20
+    """Number of simulated arms."""
+    scenario: str = "S2A"
+    """deng2022: S0, S1, S2 or S4 (scatter of the arms) with A or B."""
+    quick: bool = False
+    """A part of the tables, fewer layouts, a shallower hole."""
+    output: Annotated[Path | None, Option(names=OUTPUT)] = None
+    """Folder for JSON and CSV of the figures."""
+    data: Path | None = None
+    """deng2022: write one arm's cell and measurements to this folder instead."""
+    seed: Annotated[int, Option(least=0)] = 1
+    """Seed of the arm of --data."""
 
 
 def run(request: ReproduceRequest, context: Context) -> PlainResult:

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Final
 from robotrue.app.context import Context
 from robotrue.app.operation import Operation
 from robotrue.app.presentation import Facts, PlainResult
-from robotrue.app.request import InputFile, Option, Output, Request
+from robotrue.app.request import InputFile, Output, Request
+from robotrue.app.request_fields import OUTPUT
 from robotrue.core.files import read_bytes, sha256
 from robotrue.core.provenance import marked_document, merge, read_provenance
 from robotrue.errors import ImplausibleDataError
@@ -23,20 +24,14 @@ if TYPE_CHECKING:
 class SenseAlignRequest(Request):
     """Two records of one jog."""
 
-    joints: Annotated[Path, InputFile(argument="JOINTS.csv", help="Recorded joints of the jog.")]
-    force: Annotated[
-        Path, InputFile(argument="FORCE", help="Recorded force of the same jog: CSV or TDMS.")
-    ]
-    output: Annotated[
-        Path,
-        Output(
-            names=("--output", "-o"),
-            what="JSON",
-            suffixes=(".json",),
-            help="Clock file to write (JSON).",
-        ),
-    ]
-    most_s: Annotated[float, Option(help="Largest shift between the clocks.")] = 1.0
+    joints: Annotated[Path, InputFile(argument="JOINTS.csv")]
+    """Recorded joints of the jog."""
+    force: Annotated[Path, InputFile(argument="FORCE")]
+    """Recorded force of the same jog: CSV or TDMS."""
+    output: Annotated[Path, Output(names=OUTPUT, what="JSON", suffixes=(".json",))]
+    """Clock file to write (JSON)."""
+    most_s: float = 1.0
+    """Largest shift between the clocks."""
 
 
 def run(request: SenseAlignRequest, context: Context) -> PlainResult:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Final
 from robotrue.app.context import Context
 from robotrue.app.operation import Operation
 from robotrue.app.presentation import Facts, LiveView, Note, PlainResult, Table
-from robotrue.app.request import InputFile, Item, Option, Reference, Request
+from robotrue.app.request import InputFile, Item, Reference, Request
 from robotrue.app.request_fields import CellFile
 from robotrue.core.provenance import mark_sentence, merge
 from robotrue.core.units import UM
@@ -26,70 +26,66 @@ class SenseRunRequest(Request):
     """Sources, models of the arm, outputs and correction of the service."""
 
     cell: CellFile
-    robot: Annotated[str, Option(help="Joints: rsi://, egm://, rtde:// or replay://FILE.csv")]
-    force: Annotated[str, Option(help="Force: rdt://, egm://, rtde:// or replay://FILE.csv|.tdms")]
-    out: Annotated[
-        tuple[str, ...],
-        Option(help="Output, may be repeated: csv:FILE, mqtt://, opcua://, ws://"),
-    ] = ()
-    record: Annotated[
-        Path | None, Option(help="Folder of the record: every sample and every estimate.")
-    ] = None
-    resume: Annotated[bool, Option(help="Continue an existing record and its files.")] = False
-    rate_hz: Annotated[
-        float | None, Option(help="Force samples per second, if no address states it.")
-    ] = None
-    model: Annotated[
-        Reference | None, Item(noun="model", help="Model of `calibrate`, for the stiffness.")
-    ] = None
-    frf: Annotated[Path | None, InputFile(help="Frequency response of the tool.")] = None
-    frf_joints: Annotated[
-        str | None, Option(help="A1,..,A6 in deg, as displayed at the hammer test.")
-    ] = None
-    frf_frame: Annotated[str | None, Option(help="Axes of the response: base or tool.")] = None
-    tool: Annotated[
-        Path | None, InputFile(help="File of `dynamics sensor`: weight and offset.")
-    ] = None
-    sensor: Annotated[
-        str | None,
-        Option(help="Pose of the force sensor on the flange, X,Y,Z,A,B,C in mm and deg."),
-    ] = None
-    deviation: Annotated[Path | None, InputFile(help="Model of `dynamics fit`.")] = None
-    spindle_rpm: Annotated[float | None, Option(help="Spindle speed, for --deviation.")] = None
-    force_most_n: Annotated[float | None, Option(help="Range of the force sensor.")] = None
-    clock: Annotated[Path | None, InputFile(help="Clock file of `sense align`.")] = None
-    correct: Annotated[bool, Option(help="Send corrections to the robot. Read the how-to.")] = False
-    limit_mm: Annotated[float | None, Option(help="Largest correction.")] = None
-    rate_mm_per_s: Annotated[float | None, Option(help="Fastest change of the correction.")] = None
-    watchdog_ms: Annotated[
-        float, Option(help="Corrections ramp to zero when the newest estimate is older than this.")
-    ] = 100.0
-    recover: Annotated[
-        bool, Option(help="After a fault restart from zero, once estimates are valid.")
-    ] = False
-    peer: Annotated[
-        str | None,
-        Option(
-            help=("Address of the controller; other senders are ignored. Required with --correct.")
-        ),
-    ] = None
-    trust_restart: Annotated[
-        bool,
-        Option(help="RSI: a Delay near zero after a pause is a new RSI_ON without correction."),
-    ] = False
-    confirm_zero: Annotated[bool, Option(help="Confirm that the robot holds no correction.")] = (
-        False
-    )
-    low_pass_hz: Annotated[
-        float, Option(help="Cut-off frequency of the low-pass on corrections.")
-    ] = 2.0
-    correct_in: Annotated[
-        str, Option(help="Axes of the controller's correction: base, tool, path, A,B,C in deg.")
-    ] = "base"
-    name: Annotated[str | None, Option(help="Name of the cell in topics and pages.")] = None
-    note: Annotated[str, Option(help="Note shown with every estimate, such as `simulated`.")] = ""
-    nodesets: Annotated[Path | None, InputFile(help="Folder of OPC UA NodeSet files.")] = None
-    seconds: Annotated[float | None, Option(help="Run time in s; default: until Ctrl-C.")] = None
+    robot: str
+    """Joints: rsi://, egm://, rtde:// or replay://FILE.csv"""
+    force: str
+    """Force: rdt://, egm://, rtde:// or replay://FILE.csv|.tdms"""
+    out: tuple[str, ...] = ()
+    """Output, may be repeated: csv:FILE, mqtt://, opcua://, ws://"""
+    record: Path | None = None
+    """Folder of the record: every sample and every estimate."""
+    resume: bool = False
+    """Continue an existing record and its files."""
+    rate_hz: float | None = None
+    """Force samples per second, if no address states it."""
+    model: Annotated[Reference | None, Item(noun="model")] = None
+    """Model of `calibrate`, for the stiffness."""
+    frf: Annotated[Path | None, InputFile()] = None
+    """Frequency response of the tool."""
+    frf_joints: str | None = None
+    """A1,..,A6 in deg, as displayed at the hammer test."""
+    frf_frame: str | None = None
+    """Axes of the response: base or tool."""
+    tool: Annotated[Path | None, InputFile()] = None
+    """File of `dynamics sensor`: weight and offset."""
+    sensor: str | None = None
+    """Pose of the force sensor on the flange, X,Y,Z,A,B,C in mm and deg."""
+    deviation: Annotated[Path | None, InputFile()] = None
+    """Model of `dynamics fit`."""
+    spindle_rpm: float | None = None
+    """Spindle speed, for --deviation."""
+    force_most_n: float | None = None
+    """Range of the force sensor."""
+    clock: Annotated[Path | None, InputFile()] = None
+    """Clock file of `sense align`."""
+    correct: bool = False
+    """Send corrections to the robot. Read the how-to."""
+    limit_mm: float | None = None
+    """Largest correction."""
+    rate_mm_per_s: float | None = None
+    """Fastest change of the correction."""
+    watchdog_ms: float = 100.0
+    """Corrections ramp to zero when the newest estimate is older than this."""
+    recover: bool = False
+    """After a fault restart from zero, once estimates are valid."""
+    peer: str | None = None
+    """Address of the controller; other senders are ignored. Required with --correct."""
+    trust_restart: bool = False
+    """RSI: a Delay near zero after a pause is a new RSI_ON without correction."""
+    confirm_zero: bool = False
+    """Confirm that the robot holds no correction."""
+    low_pass_hz: float = 2.0
+    """Cut-off frequency of the low-pass on corrections."""
+    correct_in: str = "base"
+    """Axes of the controller's correction: base, tool, path, A,B,C in deg."""
+    name: str | None = None
+    """Name of the cell in topics and pages."""
+    note: str = ""
+    """Note shown with every estimate, such as `simulated`."""
+    nodesets: Annotated[Path | None, InputFile()] = None
+    """Folder of OPC UA NodeSet files."""
+    seconds: float | None = None
+    """Run time in s; default: until Ctrl-C."""
 
 
 def run(request: SenseRunRequest, context: Context) -> PlainResult:

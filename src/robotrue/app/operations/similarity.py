@@ -11,7 +11,7 @@ from robotrue.app.context import Context
 from robotrue.app.operation import Operation
 from robotrue.app.presentation import Block, Note, PlainResult, Table
 from robotrue.app.request import Item, Option, Output, Reference, Request
-from robotrue.app.request_fields import CellFile, ForeignColumns, Page
+from robotrue.app.request_fields import OUTPUT, CellFile, ForeignColumns, Page
 from robotrue.calibration.deng2022.readings import SIMILARITY_READING, SimilarityReading
 from robotrue.core.units import MM
 from robotrue.errors import ConfigurationError, ModelMismatchError
@@ -27,50 +27,26 @@ class SimilarityRequest(Request):
     """Measurements, and the regions to compare."""
 
     cell: CellFile
-    measurements: Annotated[
-        tuple[Reference, ...],
-        Item(noun="measurement", argument="MEAS...", help="Measured poses, in base."),
-    ]
-    output: Annotated[
-        Path,
-        Output(
-            names=("--output", "-o"),
-            what="a CSV table",
-            suffixes=(".csv",),
-            help="CSV of the similarities to write.",
-        ),
-    ]
+    measurements: Annotated[tuple[Reference, ...], Item(noun="measurement", argument="MEAS...")]
+    """Measured poses, in base."""
+    output: Annotated[Path, Output(names=OUTPUT, what="a CSV table", suffixes=(".csv",))]
+    """CSV of the similarities to write."""
     region: Annotated[
         tuple[str, ...],
-        Option(
-            example="A=angle_deg=-40..-30,radius_mm=800..1400,height_mm=700..1200",
-            help="NAME=angle_deg=A..B,radius_mm=..,height_mm=.. or x_mm,y_mm,z_mm; repeated.",
-        ),
+        Option(example="A=angle_deg=-40..-30,radius_mm=800..1400,height_mm=700..1200"),
     ] = ()
-    by_set: Annotated[
-        bool, Option(help="Regions are the sets of the measurements (column set), by their bounds.")
-    ] = False
-    divide: Annotated[
-        int,
-        Option(
-            least=2,
-            help="Without --region and --by-set: number of sectors and boxes.",
-        ),
-    ] = SIMILARITY_REGIONS
-    reading: Annotated[
-        SimilarityReading,
-        Option(help="Reading of eq. 9-10 where one number is shown; the table has all."),
-    ] = SIMILARITY_READING
-    apart_mm: Annotated[
-        float, Option(help="Largest distance of corresponding points, each in its own region.")
-    ] = APART_MM
+    """NAME=angle_deg=A..B,radius_mm=..,height_mm=.. or x_mm,y_mm,z_mm; repeated."""
+    by_set: bool = False
+    """Regions are the sets of the measurements (column set), by their bounds."""
+    divide: Annotated[int, Option(least=2)] = SIMILARITY_REGIONS
+    """Without --region and --by-set: number of sectors and boxes."""
+    reading: SimilarityReading = SIMILARITY_READING
+    """Reading of eq. 9-10 where one number is shown; the table has all."""
+    apart_mm: float = APART_MM
+    """Largest distance of corresponding points, each in its own region."""
     mapping: ForeignColumns = None
-    curves: Annotated[
-        Path | None,
-        Output(
-            what="a CSV table", suffixes=(".csv",), help="Also write the error curves to this CSV."
-        ),
-    ] = None
+    curves: Annotated[Path | None, Output(what="a CSV table", suffixes=(".csv",))] = None
+    """Also write the error curves to this CSV."""
     report: Page = None
 
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Final
 from robotrue.app.context import Context
 from robotrue.app.operation import Operation
 from robotrue.app.presentation import Note, PlainResult
-from robotrue.app.request import InputFile, Option, Request
+from robotrue.app.request import InputFile, Request
 from robotrue.app.simulated_service import Seconds, run_until_stopped
 from robotrue.errors import ConfigurationError
 from robotrue.simulation.device_defaults import HOLES, SHIFT_UM
@@ -29,37 +29,31 @@ NO_ANSWERS: Final = 2
 class SimulateDrillRequest(Request):
     """Machine to simulate, and its address."""
 
-    to: Annotated[str, Option(help="Address of `drill run`.")] = f"udp://127.0.0.1:{PORT}"
-    write: Annotated[
-        Path | None,
-        Option(help="Write foot, campaign and test of this machine to a folder and end."),
-    ] = None
-    holes: Annotated[int, Option(help="Number of holes.")] = HOLES
-    pause_s: Annotated[float, Option(help="Pause between two holes, s.")] = 0.5
-    damaged: Annotated[
-        float, Option(help="Share of datagrams that are lost, repeated or truncated.")
-    ] = 0.0
-    shift_at: Annotated[
-        int, Option(help="First hole with a shifted zero of a sensor; 0 for none.")
-    ] = 0
-    shift_um: Annotated[float, Option(help="Shift of the zero.")] = SHIFT_UM
-    gauge_deg: Annotated[
-        float, Option(help="Standard deviation of the gauge at each hole; 0 for no gauge.")
-    ] = 0.005
-    nonlinear: Annotated[
-        bool, Option(help="Foot that deflects nonlinearly with force and tilt.")
-    ] = False
-    friction: Annotated[bool, Option(help="Friction in the foot's joint.")] = False
-    foot: Annotated[
-        Path | None,
-        InputFile(
-            help=(
-                "Foot file with sensors and head of the machine; default: three sensors at 60 mm."
-            )
-        ),
-    ] = None
+    to: str = f"udp://127.0.0.1:{PORT}"
+    """Address of `drill run`."""
+    write: Path | None = None
+    """Write foot, campaign and test of this machine to a folder and end."""
+    holes: int = HOLES
+    """Number of holes."""
+    pause_s: float = 0.5
+    """Pause between two holes, s."""
+    damaged: float = 0.0
+    """Share of datagrams that are lost, repeated or truncated."""
+    shift_at: int = 0
+    """First hole with a shifted zero of a sensor; 0 for none."""
+    shift_um: float = SHIFT_UM
+    """Shift of the zero."""
+    gauge_deg: float = 0.005
+    """Standard deviation of the gauge at each hole; 0 for no gauge."""
+    nonlinear: bool = False
+    """Foot that deflects nonlinearly with force and tilt."""
+    friction: bool = False
+    """Friction in the foot's joint."""
+    foot: Annotated[Path | None, InputFile()] = None
+    """Foot file with sensors and head of the machine; default: three sensors at 60 mm."""
     seconds: Seconds = None
-    seed: Annotated[int, Option(help="Seed of the machine, its surfaces and its noise.")] = 0
+    seed: int = 0
+    """Seed of the machine, its surfaces and its noise."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

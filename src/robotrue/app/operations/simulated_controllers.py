@@ -10,7 +10,7 @@ from robotrue.app import simulated_service as service
 from robotrue.app.context import Context
 from robotrue.app.operation import Operation
 from robotrue.app.presentation import PlainResult
-from robotrue.app.request import InputFile, Option, Output, Request
+from robotrue.app.request import InputFile, Output, Request
 from robotrue.core.provenance import Provenance
 from robotrue.online.device_defaults import EGM_PORT, RDT_PORT, RSI_CYCLE_MS, RSI_PORT, RTDE_PORT
 from robotrue.simulation.device_defaults import LOCAL_HOST, RATE_HZ
@@ -24,12 +24,14 @@ class SimulateRsiRequest(Request):
     """Simulated KUKA controller, and the address it sends to."""
 
     host: service.Target = LOCAL_HOST
-    port: Annotated[int | None, Option(help="Destination UDP port; 0 picks a free one.")] = None
-    config: Annotated[
-        Path | None, InputFile(help="EthernetConfig.xml; default: the usual one.")
-    ] = None
-    cycle_ms: Annotated[int, Option(help="Cycle, 4 (IPO_FAST) or 12 (IPO).")] = RSI_CYCLE_MS
-    mode: Annotated[str, Option(help="Mode of corrections: absolute or relative.")] = "absolute"
+    port: int | None = None
+    """Destination UDP port; 0 picks a free one."""
+    config: Annotated[Path | None, InputFile()] = None
+    """EthernetConfig.xml; default: the usual one."""
+    cycle_ms: int = RSI_CYCLE_MS
+    """Cycle, 4 (IPO_FAST) or 12 (IPO)."""
+    mode: str = "absolute"
+    """Mode of corrections: absolute or relative."""
     robot: service.Robot = None
     seconds: service.Seconds = None
     seed: service.Seed = 0
@@ -93,9 +95,12 @@ class SimulateEgmRequest(Request):
     """Simulated ABB controller, and the address it sends to."""
 
     host: service.Target = LOCAL_HOST
-    port: Annotated[int, Option(help="Destination UDP port; 0 picks a free one.")] = EGM_PORT
-    robotware: Annotated[int, Option(help="RobotWare version, 6 or 7; the messages differ.")] = 7
-    no_force: Annotated[bool, Option(help="Send no measured force.")] = False
+    port: int = EGM_PORT
+    """Destination UDP port; 0 picks a free one."""
+    robotware: int = 7
+    """RobotWare version, 6 or 7; the messages differ."""
+    no_force: bool = False
+    """Send no measured force."""
     robot: service.Robot = None
     seconds: service.Seconds = None
     seed: service.Seed = 0
@@ -160,7 +165,8 @@ class SimulateRtdeRequest(Request):
     """Simulated UR controller, and the address it listens on."""
 
     host: service.Host = LOCAL_HOST
-    port: Annotated[int, Option(help="TCP port; 0 picks a free one.")] = RTDE_PORT
+    port: int = RTDE_PORT
+    """TCP port; 0 picks a free one."""
     robot: service.Robot = "UR10"
     seconds: service.Seconds = None
     seed: service.Seed = 0
@@ -218,24 +224,18 @@ class SimulateRdtRequest(Request):
     """Simulated force sensor, and the address it listens on."""
 
     host: service.Host = LOCAL_HOST
-    port: Annotated[int, Option(help="UDP port; 0 picks a free one.")] = RDT_PORT
-    rate: Annotated[float, Option(help="Records per second.")] = RATE_HZ
-    device: Annotated[str, Option(help="Device, net or axia; the status words differ.")] = "net"
-    page_port: Annotated[
-        int | None, Option(help="Port that serves netftapi2.xml over HTTP; 0 picks a free one.")
-    ] = None
-    scale: Annotated[
-        Path | None,
-        Output(what="XML", suffixes=(".xml",), help="Write netftapi2.xml to this file."),
-    ] = None
-    poses: Annotated[
-        Path | None,
-        Output(
-            what="a CSV table",
-            suffixes=(".csv",),
-            help="Write readings at rest in six attitudes, for `dynamics sensor`.",
-        ),
-    ] = None
+    port: int = RDT_PORT
+    """UDP port; 0 picks a free one."""
+    rate: float = RATE_HZ
+    """Records per second."""
+    device: str = "net"
+    """Device, net or axia; the status words differ."""
+    page_port: int | None = None
+    """Port that serves netftapi2.xml over HTTP; 0 picks a free one."""
+    scale: Annotated[Path | None, Output(what="XML", suffixes=(".xml",))] = None
+    """Write netftapi2.xml to this file."""
+    poses: Annotated[Path | None, Output(what="a CSV table", suffixes=(".csv",))] = None
+    """Write readings at rest in six attitudes, for `dynamics sensor`."""
     robot: service.Robot = None
     seconds: service.Seconds = None
     seed: service.Seed = 0

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Final
 from robotrue.app.context import Context
 from robotrue.app.operation import Operation
 from robotrue.app.presentation import Facts, PlainResult, Table
-from robotrue.app.request import InputFile, Option, Output, Request
+from robotrue.app.request import InputFile, Output, Request
+from robotrue.app.request_fields import OUTPUT
 from robotrue.core.provenance import Provenance, read_provenance
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ConfigurationError
@@ -26,34 +27,24 @@ VIRTUAL: Final = Provenance(simulated=True, instrument="virtual cell")
 class SlotTestRequest(Request):
     """Measured steps, or the virtual cell that cuts them."""
 
-    measured: Annotated[
-        Path | None,
-        InputFile(argument="[STEPS.csv]", help="Measured steps: slot,step_mm. None: simulate."),
-    ] = None
-    seed: Annotated[int, Option(help="Seed of the virtual cell.")] = 1
-    way: Annotated[
-        str,
-        Option(help=("Method compared with the paper's: calibrated, planned-30, per-side, ...")),
-    ] = "calibrated"
+    measured: Annotated[Path | None, InputFile(argument="[STEPS.csv]")] = None
+    """Measured steps: slot,step_mm. None: simulate."""
+    seed: int = 1
+    """Seed of the virtual cell."""
+    way: str = "calibrated"
+    """Method compared with the paper's: calibrated, planned-30, per-side, ..."""
     output: Annotated[
-        Path | None,
-        Output(
-            names=("--output", "-o"),
-            what="a page",
-            suffixes=(".html", ".htm"),
-            help="Page (.html) with the error per side.",
-        ),
+        Path | None, Output(names=OUTPUT, what="a page", suffixes=(".html", ".htm"))
     ] = None
-    across: Annotated[str, Option(help="Measured: direction of the step in the part, x,y,z.")] = (
-        "1,0,0"
-    )
-    first_abc_deg: Annotated[
-        str, Option(help="Measured: KUKA A,B,C of the tool in the part, first side.")
-    ] = "0,-90,-90"
-    second_abc_deg: Annotated[str, Option(help="Measured: the same, second side.")] = "0,-90,90"
-    per_side: Annotated[
-        bool, Option(help="Measured: each side had a separate frame or clamping.")
-    ] = False
+    """Page (.html) with the error per side."""
+    across: str = "1,0,0"
+    """Measured: direction of the step in the part, x,y,z."""
+    first_abc_deg: str = "0,-90,-90"
+    """Measured: KUKA A,B,C of the tool in the part, first side."""
+    second_abc_deg: str = "0,-90,90"
+    """Measured: the same, second side."""
+    per_side: bool = False
+    """Measured: each side had a separate frame or clamping."""
 
 
 def run(request: SlotTestRequest, context: Context) -> PlainResult:

@@ -10,7 +10,7 @@ from pydantic import Field
 from robotrue.app.context import Context
 from robotrue.app.operation import Operation
 from robotrue.app.presentation import Facts, PlainResult, Text
-from robotrue.app.request import InputFile, Option, Request
+from robotrue.app.request import InputFile, Request
 from robotrue.app.request_fields import cell_output
 from robotrue.core.provenance import merge
 from robotrue.core.units import DEG, MM, UM
@@ -28,34 +28,21 @@ REFLECTOR_SIGMA_UM: Final = 15.0
 class SpindleAxisRequest(Request):
     """Measured reflector points, and the pose of the robot."""
 
-    points: Annotated[
-        Path,
-        InputFile(
-            argument="POINTS",
-            help="x_mm, y_mm, z_mm of one reflector at steps of the turn: in the flange frame, or "
-            "in base with --robot.",
-        ),
-    ]
-    sigma_um: Annotated[
-        float, Field(gt=0.0), Option(help="Standard deviation of one coordinate of one point.")
-    ] = REFLECTOR_SIGMA_UM
-    robot: Annotated[
-        Path | None,
-        InputFile(help="The points are in base: calibrated model, or cell.toml (nominal arm)."),
-    ] = None
-    joints_deg: Annotated[
-        str | None, Option(help="With --robot: its joints during the turn, in the model's sense.")
-    ] = None
-    length_mm: Annotated[
-        float, Option(help="Distance from the circle's plane along the axis to the tool's tip.")
-    ] = 0.0
-    cell: Annotated[Path | None, InputFile(help="cell.toml that gets the tool from the axis.")] = (
-        None
-    )
-    output: Annotated[
-        Path | None,
-        cell_output("With --cell: cell.toml to write, with this [tool].", renews="cell"),
-    ] = None
+    points: Annotated[Path, InputFile(argument="POINTS")]
+    """x_mm, y_mm, z_mm of one reflector at steps of the turn: in the flange frame, or in base
+    with --robot."""
+    sigma_um: Annotated[float, Field(gt=0.0)] = REFLECTOR_SIGMA_UM
+    """Standard deviation of one coordinate of one point."""
+    robot: Annotated[Path | None, InputFile()] = None
+    """The points are in base: calibrated model, or cell.toml (nominal arm)."""
+    joints_deg: str | None = None
+    """With --robot: its joints during the turn, in the model's sense."""
+    length_mm: float = 0.0
+    """Distance from the circle's plane along the axis to the tool's tip."""
+    cell: Annotated[Path | None, InputFile()] = None
+    """cell.toml that gets the tool from the axis."""
+    output: Annotated[Path | None, cell_output(renews="cell")] = None
+    """With --cell: cell.toml to write, with this [tool]."""
 
 
 def run(request: SpindleAxisRequest, context: Context) -> PlainResult:

@@ -110,10 +110,10 @@ class RecordExportRequest(Request):
     """Record and stream to export."""
 
     folder: RecordFolder
-    output: Annotated[Path, table_output(help="CSV to write.")]
-    stream: Annotated[str, Option(help="joints, force (as a replay reads them) or estimates.")] = (
-        "estimates"
-    )
+    output: Annotated[Path, table_output()]
+    """CSV to write."""
+    stream: str = "estimates"
+    """joints, force (as a replay reads them) or estimates."""
     skip_damage: SkipDamage = False
 
 

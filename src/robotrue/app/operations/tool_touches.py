@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Final
 from robotrue.app.context import Context
 from robotrue.app.operation import Operation
 from robotrue.app.presentation import Block, Facts, Note, PlainResult, Table, Text
-from robotrue.app.request import InputFile, Option, Request
+from robotrue.app.request import InputFile, Request
 from robotrue.app.request_fields import (
     CellOrModel,
     ToolFormats,
@@ -36,27 +36,17 @@ class ToolPointRequest(Request):
     """Touches for the tool point, and their uncertainty."""
 
     cell: CellOrModel
-    touches: Annotated[
-        Path, InputFile(argument="TOUCHES", help="CSV of the touches with the tool, in joints.")
-    ]
-    table: Annotated[
-        Path | None,
-        InputFile(
-            help=(
-                "CSV of the probe's touches of the table, in joints; [tool] of CELL is "
-                "the probe. Default: all touches are of one fixed point."
-            )
-        ),
-    ] = None
-    output: Annotated[
-        Path | None, cell_output("Also write the cell with the tool in place of the probe.")
-    ] = None
+    touches: Annotated[Path, InputFile(argument="TOUCHES")]
+    """CSV of the touches with the tool, in joints."""
+    table: Annotated[Path | None, InputFile()] = None
+    """CSV of the probe's touches of the table, in joints; [tool] of CELL is the probe. Default:
+    all touches are of one fixed point."""
+    output: Annotated[Path | None, cell_output()] = None
+    """Also write the cell with the tool in place of the probe."""
     touch_sigma_mm: TouchSigma = TOUCH_MM
     tool_sigma_mm: ToolSigma = None
-    tolerance_mm: Annotated[
-        float | None,
-        Option(help="Tolerance on the uncertainty of the tool point, for the verdict."),
-    ] = None
+    tolerance_mm: float | None = None
+    """Tolerance on the uncertainty of the tool point, for the verdict."""
     tool_format: ToolFormats = ()
     tool_number: ToolNumber = TOOL_NUMBER
 
@@ -170,36 +160,20 @@ class ToolAxisRequest(Request):
     """Touches for the tool axis, and their uncertainty."""
 
     cell: CellOrModel
-    touches: Annotated[
-        tuple[Path, ...],
-        InputFile(
-            argument="TOUCHES...",
-            help="Short gauge and long gauge about a fixed point, or one file of squarings.",
-        ),
-    ]
-    table: Annotated[
-        Path | None,
-        InputFile(
-            help=(
-                "CSV of the probe's touches of the table, in joints; [tool] of CELL is "
-                "the probe. The gauges then touch points of the table. Default: each "
-                "touches a fixed point."
-            )
-        ),
-    ] = None
-    normal: Annotated[
-        str | None, Option(help="x,y,z in base: normal of the plane of the squarings.")
-    ] = None
-    x_along: Annotated[
-        str, Option(help="x,y,z in the flange: direction for x of the tool frame.")
-    ] = "1,0,0"
-    output: Annotated[
-        Path | None, cell_output("Also write the cell with z of [tool] along the axis.")
-    ] = None
+    touches: Annotated[tuple[Path, ...], InputFile(argument="TOUCHES...")]
+    """Short gauge and long gauge about a fixed point, or one file of squarings."""
+    table: Annotated[Path | None, InputFile()] = None
+    """CSV of the probe's touches of the table, in joints; [tool] of CELL is the probe. The
+    gauges then touch points of the table. Default: each touches a fixed point."""
+    normal: str | None = None
+    """x,y,z in base: normal of the plane of the squarings."""
+    x_along: str = "1,0,0"
+    """x,y,z in the flange: direction for x of the tool frame."""
+    output: Annotated[Path | None, cell_output()] = None
+    """Also write the cell with z of [tool] along the axis."""
     touch_sigma_mm: TouchSigma = TOUCH_MM
-    square_sigma_deg: Annotated[
-        float, Option(help="Standard deviation of one squaring per axis.")
-    ] = SQUARE_DEG
+    square_sigma_deg: float = SQUARE_DEG
+    """Standard deviation of one squaring per axis."""
     tool_format: ToolFormats = ()
     tool_number: ToolNumber = TOOL_NUMBER
 

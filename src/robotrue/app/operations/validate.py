@@ -30,9 +30,9 @@ class ValidateRequest(Request):
 
     model: CalibratedModel
     measurements: Annotated[
-        tuple[Reference, ...],
-        Item(noun="measurement", argument="MEAS...", sent=True, help="Held-out poses."),
+        tuple[Reference, ...], Item(noun="measurement", argument="MEAS...", sent=True)
     ]
+    """Held-out poses."""
     mapping: Columns = None
     report: SavedPage = None
 

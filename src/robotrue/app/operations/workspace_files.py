@@ -25,7 +25,8 @@ if TYPE_CHECKING:
 class WorkspaceInitRequest(Request):
     """Folder of the workspace."""
 
-    folder: Annotated[Path, Option(argument="FOLDER", help="New or empty folder.")]
+    folder: Annotated[Path, Option(argument="FOLDER")]
+    """New or empty folder."""
 
 
 def make_workspace(request: WorkspaceInitRequest, context: Context) -> PlainResult:
@@ -55,12 +56,18 @@ IMPORTED: Final = ("cell", "measurement", "model", "program")
 class WorkspaceAddRequest(Request):
     """Files to add, and their noun."""
 
-    noun: Annotated[str, Option(argument="NOUN", help="cell, measurement, model or program.")]
-    files: Annotated[tuple[Path, ...], InputFile(argument="FILE...", help="Files to import.")]
-    cell: Annotated[str | None, Option(help="Cell of the measurements: id or name.")] = None
-    mapping: Annotated[Path | None, InputFile(help="Column mapping (TOML) of measurements.")] = None
-    name: Annotated[str | None, Option(help="Name of the item; default: that of the file.")] = None
-    note: Annotated[str, Option(help="Note saved with the item.")] = ""
+    noun: Annotated[str, Option(argument="NOUN")]
+    """cell, measurement, model or program."""
+    files: Annotated[tuple[Path, ...], InputFile(argument="FILE...")]
+    """Files to import."""
+    cell: str | None = None
+    """Cell of the measurements: id or name."""
+    mapping: Annotated[Path | None, InputFile()] = None
+    """Column mapping (TOML) of measurements."""
+    name: str | None = None
+    """Name of the item; default: that of the file."""
+    note: str = ""
+    """Note saved with the item."""
     folder: WorkspaceFolder = HERE
 
 
@@ -131,12 +138,8 @@ WORKSPACE_ADD: Final = Operation(
 class WorkspaceExportRequest(Request):
     """File to export to."""
 
-    file: Annotated[
-        Path,
-        Output(
-            argument="FILE", what="an archive", suffixes=(".zip",), help="File (.zip) to write."
-        ),
-    ]
+    file: Annotated[Path, Output(argument="FILE", what="an archive", suffixes=(".zip",))]
+    """File (.zip) to write."""
     folder: WorkspaceFolder = HERE
 
 
@@ -169,7 +172,8 @@ WORKSPACE_EXPORT: Final = Operation(
 class WorkspaceImportRequest(Request):
     """File to import."""
 
-    file: Annotated[Path, InputFile(argument="FILE", help="File of `export`.")]
+    file: Annotated[Path, InputFile(argument="FILE")]
+    """File of `export`."""
     folder: WorkspaceFolder = HERE
 
 
@@ -251,11 +255,10 @@ SHOWN: Final = 20
 class WorkspaceEmptyBinRequest(Request):
     """Age of the items to purge."""
 
-    days: Annotated[
-        float,
-        Option(names=("--older-than-days",), help="Minimum days since the deletion.", least=0.0),
-    ] = 30.0
-    yes: Annotated[bool, Option(help="Do not ask for confirmation.")] = False
+    days: Annotated[float, Option(names=("--older-than-days",), least=0.0)] = 30.0
+    """Minimum days since the deletion."""
+    yes: bool = False
+    """Do not ask for confirmation."""
     folder: WorkspaceFolder = HERE
 
 

@@ -10,7 +10,7 @@ from robotrue.app.context import Context
 from robotrue.app.operation import Operation
 from robotrue.app.presentation import Block, Facts, PlainResult, Table, time_text
 from robotrue.app.request import Option, Request
-from robotrue.app.request_fields import HERE, WorkspaceFolder
+from robotrue.app.request_fields import HERE, OUTPUT, WorkspaceFolder
 from robotrue.core.provenance import simulation_mark
 from robotrue.errors import ConfigurationError
 from robotrue.store.query_defaults import LIMIT, SORT
@@ -42,19 +42,20 @@ WHOLE: Final = ("poses", "dof", "version", "frames", "bytes", "file_count", "ful
 class WorkspaceListRequest(Request):
     """Query and order of the list."""
 
-    noun: Annotated[
-        str | None,
-        Option(
-            argument="[NOUN]",
-            help="cell, measurement, model, program, ...; default: the number of each.",
-        ),
-    ] = None
-    text: Annotated[str, Option(help="Part of the name or the note.")] = ""
-    where: Annotated[tuple[str, ...], Option(help="Condition FIELD=VALUE; may be repeated.")] = ()
-    sort: Annotated[str, Option(help="Sort field; with a leading -, largest first.")] = SORT
-    offset: Annotated[int, Option(help="Number of items to skip.")] = 0
-    limit: Annotated[int, Option(help="Items shown.")] = LIMIT
-    deleted: Annotated[bool, Option(help="Show deleted items.")] = False
+    noun: Annotated[str | None, Option(argument="[NOUN]")] = None
+    """cell, measurement, model, program, ...; default: the number of each."""
+    text: str = ""
+    """Part of the name or the note."""
+    where: tuple[str, ...] = ()
+    """Condition FIELD=VALUE; may be repeated."""
+    sort: str = SORT
+    """Sort field; with a leading -, largest first."""
+    offset: int = 0
+    """Number of items to skip."""
+    limit: int = LIMIT
+    """Items shown."""
+    deleted: bool = False
+    """Show deleted items."""
     folder: WorkspaceFolder = HERE
 
 
@@ -145,10 +146,10 @@ class WorkspaceShowRequest(Request):
     """Item and version to show."""
 
     item: ItemWord
-    version: Annotated[int | None, Option(help="Version; default: the latest.")] = None
-    output: Annotated[
-        Path | None, Option(names=("--output", "-o"), help="Folder to copy its files to.")
-    ] = None
+    version: int | None = None
+    """Version; default: the latest."""
+    output: Annotated[Path | None, Option(names=OUTPUT)] = None
+    """Folder to copy its files to."""
     folder: WorkspaceFolder = HERE
 
 
@@ -208,10 +209,10 @@ WORKSPACE_SHOW: Final = Operation(
 class WorkspaceHistoryRequest(Request):
     """Item whose history to show."""
 
-    item: Annotated[str | None, Option(argument="[ITEM]", help="Item; default: all changes.")] = (
-        None
-    )
-    limit: Annotated[int, Option(help="Entries shown, the newest first.")] = LIMIT
+    item: Annotated[str | None, Option(argument="[ITEM]")] = None
+    """Item; default: all changes."""
+    limit: int = LIMIT
+    """Entries shown, the newest first."""
     folder: WorkspaceFolder = HERE
 
 

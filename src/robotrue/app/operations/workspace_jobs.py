@@ -34,20 +34,10 @@ TEXTS: Final = frozenset(
 class JobsSubmitRequest(Request):
     """Job to queue."""
 
-    kind: Annotated[
-        str,
-        Option(
-            argument="KIND",
-            help="Kind of job: calibrate, compensate, plan, ...; a wrong one lists all.",
-        ),
-    ]
-    parameter: Annotated[
-        tuple[str, ...],
-        Option(
-            names=("--parameter", "-p"),
-            help="NAME=VALUE, a text or JSON; may be repeated: then a list.",
-        ),
-    ] = ()
+    kind: Annotated[str, Option(argument="KIND")]
+    """Kind of job: calibrate, compensate, plan, ...; a wrong one lists all."""
+    parameter: Annotated[tuple[str, ...], Option(names=("--parameter", "-p"))] = ()
+    """NAME=VALUE, a text or JSON; may be repeated: then a list."""
     folder: WorkspaceFolder = HERE
 
 
@@ -108,8 +98,10 @@ JOBS_SUBMIT: Final = Operation(
 class JobsListRequest(Request):
     """State of the jobs to list."""
 
-    state: Annotated[str | None, Option(help="queued, running, done, failed or cancelled.")] = None
-    limit: Annotated[int, Option(help="Jobs shown, the newest first.")] = LIMIT
+    state: str | None = None
+    """queued, running, done, failed or cancelled."""
+    limit: int = LIMIT
+    """Jobs shown, the newest first."""
     folder: WorkspaceFolder = HERE
 
 
@@ -229,14 +221,12 @@ JOBS_CANCEL: Final = Operation(
 class JobsRunRequest(Request):
     """Number of parallel jobs, and when to stop."""
 
-    until_idle: Annotated[bool, Option(help="End when no job is queued.")] = False
-    slots: Annotated[int, Option(help="Number of jobs at a time.", least=1)] = SLOTS
-    dask: Annotated[
-        str | None,
-        Option(
-            variable="ROBOTRUE_DASK", help="Address of a Dask scheduler whose workers run the jobs."
-        ),
-    ] = None
+    until_idle: bool = False
+    """End when no job is queued."""
+    slots: Annotated[int, Option(least=1)] = SLOTS
+    """Number of jobs at a time."""
+    dask: Annotated[str | None, Option(variable="ROBOTRUE_DASK")] = None
+    """Address of a Dask scheduler whose workers run the jobs."""
     folder: WorkspaceFolder = HERE
 
 
