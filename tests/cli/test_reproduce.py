@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from robotrue.app.operations.reproduce import OPERATION, ReproduceRequest
+from robotrue.app.operations.reproduce import ReproduceRequest, run
 from robotrue.cli.terminal import run_operation
 from robotrue_reproductions.papers import find_paper
 from robotrue_reproductions.reproduction import Reproduction, figure
@@ -63,7 +63,7 @@ def test_the_tables_are_labelled_simulated(monkeypatch, capsys) -> None:
     paper = replace(find_paper("deng2022"), run=lambda request, progress: result)
     monkeypatch.setattr("robotrue_reproductions.papers.find_paper", lambda name: paper)
     request = ReproduceRequest(paper="deng2022", scenario="S1A", robots=3, quick=True)
-    run_operation(OPERATION, request, as_json=False)
+    run_operation(run, request, as_json=False)
     text = capsys.readouterr().out
     assert "SIMULATED: 3 arms of scenario S1A" in text
     assert "0.182" in text

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from jog_cases import Jog, jog
 
-from robotrue.app.operations.sense_align import OPERATION, SenseAlignRequest
+from robotrue.app.operations.sense_align import SenseAlignRequest, run
 from robotrue.cli.terminal import run_operation
 from robotrue.errors import ConfigurationError, ImplausibleDataError, ObservabilityError
 from robotrue.online.clock_alignment import ClockAlignment, align_streams, read_clock
@@ -87,7 +87,7 @@ def test_files_to_clock_file(tmp_path: Path, capsys: pytest.CaptureFixture[str])
     names = "t_s,fx_N,fy_N,fz_N,tx_Nm,ty_Nm,tz_Nm"
     np.savetxt(force, table, "%.9f", ",", header=names, comments="")
     request = SenseAlignRequest(joints=joints, force=force, output=clock, most_s=1.0)
-    run_operation(OPERATION, request, as_json=True)
+    run_operation(run, request, as_json=True)
     said = json.loads(capsys.readouterr().out)
     assert said == json.loads(clock.read_text())
     assert abs(said["offset_s"] - 0.137) < 0.5e-3

@@ -52,16 +52,16 @@ def replace(request: SenseRunRequest, **changes: Any) -> SenseRunRequest:
 
 
 def run_sense(request: SenseRunRequest) -> None:
-    run_operation(sense_run.OPERATION, request, as_json=True)
+    run_operation(sense_run.run, request, as_json=True)
 
 
 def run_export(record: Path, output: Path, *, stream: str) -> None:
     request = RecordExportRequest(folder=record, output=output, stream=stream)
-    run_operation(stream_records.RECORD_EXPORT, request, as_json=True)
+    run_operation(stream_records.export_stream, request, as_json=True)
 
 
 def run_info(record: Path) -> None:
-    run_operation(stream_records.RECORD_INFO, RecordInfoRequest(folder=record), as_json=True)
+    run_operation(stream_records.describe_record, RecordInfoRequest(folder=record), as_json=True)
 
 
 def said(capsys: pytest.CaptureFixture[str]) -> dict[str, object]:

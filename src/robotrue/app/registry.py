@@ -6,7 +6,6 @@ Listing them imports none, so that ``robotrue --help`` answers at once.
 from __future__ import annotations
 
 import re
-from ast import literal_eval
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache
@@ -41,10 +40,10 @@ no command: ``report`` is a kind of job.
 """
 OF_THE_WORKSPACE: Final = ("workspace", "jobs")
 """Groups of what is done to a workspace itself."""
-_ALONE: Final = "OPERATION"
-"""The constant of an operation whose file has its name, and its help as first line."""
-_DECLARED: Final = re.compile(r'\n([A-Z_]+): Final = Operation\(\s*help=((?:"[^"]*"\s*)+),')
-"""The constant of an operation, named as it in capitals, and its help, in a file of several."""
+_DECLARED: Final = re.compile(
+    r'\n@operation\((?:"(\w+)")?[^\n]*\)\ndef (\w+)\(.*?\n    """(.+?)(?:"""|\n\n)', re.DOTALL
+)
+"""The name of an operation, empty where it is that of its file; its function and its docstring."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -55,13 +54,13 @@ class Listing:
         name: Of its command with the group; also of its kind of job.
         help: One line.
         module: File that declares it.
-        constant: Its name there.
+        function: Its name there.
     """
 
     name: str
     help: str
     module: str = ""
-    constant: str = _ALONE
+    function: str = ""
 
     @property
     def group(self) -> str:
@@ -91,11 +90,10 @@ def listings() -> tuple[Listing, ...]:
 def _read_declarations(path: Path) -> Iterator[Listing]:
     """The operations that a file declares."""
     text = path.read_text(encoding="utf-8")
-    if f"\n{_ALONE}: " in text:
-        yield Listing(name=path.stem, help=text.partition("\n")[0].strip('"'), module=path.stem)
-    for name, help in _DECLARED.findall(text):
-        words = literal_eval(f"({help})")
-        yield Listing(name=name.lower(), help=words, module=path.stem, constant=name)
+    title = text.partition("\n")[0].strip('"')
+    for name, function, summary in _DECLARED.findall(text):
+        help = summary if name else title
+        yield Listing(name=name or path.stem, help=help, module=path.stem, function=function)
 
 
 @cache
@@ -110,7 +108,7 @@ def operation_of(name: str) -> AnyOperation:
         known = ", ".join(each.name for each in listings())
         raise ConfigurationError(f"no operation is {name!r}; there are {known}.")
     module = import_module(f"{PACKAGE}.{listing.module}")
-    operation: AnyOperation = getattr(module, listing.constant)
+    operation: AnyOperation = getattr(module, listing.function)
     return operation
 
 

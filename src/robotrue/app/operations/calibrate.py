@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final, Literal
 
 from robotrue.app.context import Context
-from robotrue.app.operation import Operation
+from robotrue.app.operation import operation
 from robotrue.app.presentation import Block, Facts, Note, PlainResult, Table
 from robotrue.app.request import ALL, ON_COMMAND_LINE, InputFile, Item, Option, Reference, Request
 from robotrue.app.request_fields import (
@@ -98,8 +98,9 @@ def model_blocks(model: ErrorModel) -> Iterable[Block]:
         yield Note(line)
 
 
+@operation("calibrate")
 def run(request: CalibrateRequest, context: Context) -> Calibrated:
-    """Fits the model and writes it; with a report, also checks it on its training poses.
+    """Calibrate the robot from measured poses and write a model file.
 
     Raises:
         ObservabilityError: Too few measurements for the request.
@@ -207,6 +208,7 @@ def _screened_lines(rows: MeasurementSet, screened: Sequence[int]) -> list[str]:
     return lines
 
 
+@run.saves
 def save(
     request: CalibrateRequest, result: Calibrated, into: Transaction, context: WorkspaceContext
 ) -> Mapping[str, object]:
@@ -235,14 +237,6 @@ def save(
     }
 
 
-CALIBRATE: Final = Operation(
-    help="Calibrate the robot from measured poses and write a model file.",
-    request=CalibrateRequest,
-    run=run,
-    save=save,
-)
-
-
 class CalibrateLengthsRequest(Request):
     """Cell and measured lengths to calibrate with, and the method."""
 
@@ -257,8 +251,9 @@ class CalibrateLengthsRequest(Request):
     """Measured points in addition to the lengths: they determine the base."""
 
 
+@operation("calibrate_lengths")
 def calibrate_from_lengths(request: CalibrateLengthsRequest, context: Context) -> PlainResult:
-    """Fits the model and writes it.
+    """Calibrate the robot from lengths: draw wire, ball bar, gauge bar.
 
     Raises:
         ObservabilityError: Too few lengths for the requested parameters.
@@ -306,10 +301,3 @@ def _length_blocks(
             rows=tuple((name, *(f"{v:.3f}" for v in at)) for name, at in anchors.items()),
         )
     yield from map(Note, remarks(model))
-
-
-CALIBRATE_LENGTHS: Final = Operation(
-    help="Calibrate the robot from lengths: draw wire, ball bar, gauge bar.",
-    request=CalibrateLengthsRequest,
-    run=calibrate_from_lengths,
-)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Final
 from robotrue.app.compensation_request import CompensateRequest
 from robotrue.app.context import Context
 from robotrue.app.job_files import BLOCKS
-from robotrue.app.operation import Operation
+from robotrue.app.operation import operation
 from robotrue.app.presentation import PlainResult
 from robotrue.core.provenance import marked_document
 
@@ -22,6 +22,7 @@ GONE: Final = ("output", "identity")
 """Paths in the folder of a job, which is gone when it is over."""
 
 
+@operation()
 def run(request: CompensateRequest, context: Context) -> PlainResult:
     """Writes the compensated program and reports the status of each target.
 
@@ -35,6 +36,7 @@ def run(request: CompensateRequest, context: Context) -> PlainResult:
     return compensate_files(request, context)
 
 
+@run.saves
 def save(
     request: CompensateRequest,
     result: PlainResult,
@@ -75,6 +77,3 @@ def _without_paths(detail: Mapping[str, object]) -> dict[str, object]:
     if isinstance(files, list):
         kept["files"] = [_without_paths(file) for file in files]
     return kept
-
-
-OPERATION: Final = Operation(request=CompensateRequest, run=run, save=save)

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Final
 
 from robotrue.app.context import Context
-from robotrue.app.operation import Operation
+from robotrue.app.operation import operation
 from robotrue.app.presentation import Note, PlainResult, Table
 from robotrue.app.request import Request
 from robotrue.core.provenance import Provenance
@@ -23,6 +22,7 @@ class DemoRequest(Request):
     """Seed of the virtual cell."""
 
 
+@operation()
 def run(request: DemoRequest, context: Context) -> PlainResult:
     """Runs the demo; the folder keeps every file needed to repeat it.
 
@@ -62,6 +62,3 @@ def _word(value: str | int | float | None) -> str:
     if value is None:
         return "-"
     return f"{value:.3f}" if isinstance(value, float) else str(value)
-
-
-OPERATION: Final = Operation(request=DemoRequest, run=run)

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final
 
 from robotrue.app.context import Context
-from robotrue.app.operation import Operation
+from robotrue.app.operation import operation
 from robotrue.app.presentation import Block, Note, Table
 from robotrue.app.request import InputFile, Item, Output, Reference, Request
 from robotrue.core.provenance import Provenance, mark_line
@@ -81,6 +81,7 @@ class ProgramDifference:
             yield from _sentences(name, found)
 
 
+@operation()
 def run(request: DiffRequest, context: Context) -> ProgramDifference:
     """Compares two programs; writes every target as CSV on request.
 
@@ -188,6 +189,3 @@ def _sentences(name: str, found: Difference) -> Iterable[Note]:
             f"{np.nanmean(after) / UM:.1f} um after, within {np.nanmax(bound) / UM:.0f} um with "
             "95 % at the worst target"
         )
-
-
-OPERATION: Final = Operation(request=DiffRequest, run=run)

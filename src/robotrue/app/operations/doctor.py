@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
 from robotrue.app.context import Context
-from robotrue.app.operation import Operation
+from robotrue.app.operation import operation
 from robotrue.app.presentation import Facts, Note, PlainResult, Table
 from robotrue.app.request import Request
 from robotrue.app.serve_defaults import HOST, PORT
@@ -56,6 +56,7 @@ class _Library:
         )
 
 
+@operation()
 def run(request: DoctorRequest, context: Context) -> PlainResult:
     """Changes nothing on this computer; every fault comes with its cure."""
     import platform
@@ -199,6 +200,3 @@ def _chinese_font() -> str:
         return font_families("zh", tuple(typst.Fonts().families()))[-1]
     except ConfigurationError:
         return ""
-
-
-OPERATION: Final = Operation(request=DoctorRequest, run=run)

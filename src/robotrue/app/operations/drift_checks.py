@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final
 
 from robotrue.app.context import Context
-from robotrue.app.operation import Operation
+from robotrue.app.operation import operation
 from robotrue.app.presentation import Block, Facts, Note, Table
 from robotrue.app.request import Item, Option, Reference, Request
 from robotrue.app.request_fields import CalibratedModel, Columns, table_output
@@ -74,8 +74,9 @@ def _worst(numbers: Mapping[str, float]) -> str:
     return f"{numbers[term]:.4f} {term.rpartition('_')[2]}"
 
 
+@operation("drift_plan")
 def plan_check(request: DriftPlanRequest, context: Context) -> DriftPlan:
-    """Chooses the poses and writes a sheet to fill in.
+    """Choose the few poses that best show a moved base or tool, or a slipped joint.
 
     Raises:
         ConfigurationError: Too few poses, or more than candidates.
@@ -131,6 +132,7 @@ def _in_shop_units(terms: Iterable[str], sd: Array) -> dict[str, float]:
     }
 
 
+@plan_check.saves
 def save_plan(
     request: DriftPlanRequest, result: DriftPlan, into: Transaction, context: WorkspaceContext
 ) -> Mapping[str, object]:
@@ -151,14 +153,6 @@ def save_plan(
     )
     links = [Link(role="model", to=record.ref)]
     return context.leave_document(into, "drift-plan", record.name, [result.output], links, detail)
-
-
-DRIFT_PLAN: Final = Operation(
-    help="Choose the few poses that best show a moved base or tool, or a slipped joint.",
-    request=DriftPlanRequest,
-    run=plan_check,
-    save=save_plan,
-)
 
 
 VERDICTS: Final = {
@@ -241,8 +235,9 @@ class DriftChecked:
             yield Note(self.advice)
 
 
+@operation("drift")
 def check_drift(request: DriftRequest, context: Context) -> DriftChecked:
-    """Checks the poses against the model; the verdict is a result, never an error.
+    """Check whether the robot still matches its calibration: keep, update or recalibrate.
 
     Raises:
         ObservabilityError: Too few poses.
@@ -269,6 +264,7 @@ def check_drift(request: DriftRequest, context: Context) -> DriftChecked:
     )
 
 
+@check_drift.saves
 def save_check(
     request: DriftRequest, result: DriftChecked, into: Transaction, context: WorkspaceContext
 ) -> Mapping[str, object]:
@@ -374,11 +370,3 @@ def _size(term: str) -> float:
 
 def _name_term(term: str) -> str:
     return f"{term}_{_unit(term)}"
-
-
-DRIFT: Final = Operation(
-    help="Check whether the robot still matches its calibration: keep, update or recalibrate.",
-    request=DriftRequest,
-    run=check_drift,
-    save=save_check,
-)

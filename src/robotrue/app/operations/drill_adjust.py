@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Annotated, Final
+from typing import TYPE_CHECKING, Annotated
 
 from robotrue.app.context import Context
-from robotrue.app.operation import Operation
+from robotrue.app.operation import operation
 from robotrue.app.presentation import Facts, Note, PlainResult, Text
 from robotrue.app.request import Option, Request
 from robotrue.app.request_fields import CarryingRobot, DrillModel, FootAngles, ZeroFoot
@@ -55,6 +55,7 @@ class DrillAdjustRequest(Request):
     """Feed of --as gcode."""
 
 
+@operation()
 def run(request: DrillAdjustRequest, context: Context) -> PlainResult:
     """Gives the one move of a clamp.
 
@@ -234,6 +235,3 @@ def _robot_rows(move: RobotMove) -> tuple[tuple[str, str], ...]:
         ("joints to", f"{joints} deg"),
         ("turned by", f"{move.turn / DEG:.4f} deg about the tip"),
     )
-
-
-OPERATION: Final = Operation(request=DrillAdjustRequest, run=run)

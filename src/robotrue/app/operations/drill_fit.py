@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Final, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from robotrue.app.context import Context
-from robotrue.app.operation import Operation
+from robotrue.app.operation import operation
 from robotrue.app.presentation import Block, Note, Table
 from robotrue.app.request import (
     NOT_IN_FORMS,
@@ -154,6 +154,7 @@ def _term_row(term: Mapping[str, Any], unit: str) -> tuple[str, ...]:
     )
 
 
+@operation()
 def run(request: DrillFitRequest, context: Context) -> FootLearned:
     """Learns a model from a campaign and writes it.
 
@@ -214,6 +215,7 @@ def run(request: DrillFitRequest, context: Context) -> FootLearned:
     )
 
 
+@run.saves
 def save(
     request: DrillFitRequest, result: FootLearned, into: Transaction, context: WorkspaceContext
 ) -> Mapping[str, object]:
@@ -226,6 +228,3 @@ def save(
     detail = json_values({**numbers, "clamps": result.clamps})
     links = [Link(role="data", to=record.ref)]
     return context.leave_document(into, MODEL, record.name, [result.output], links, detail)
-
-
-OPERATION: Final = Operation(request=DrillFitRequest, run=run, save=save)

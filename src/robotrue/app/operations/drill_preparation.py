@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final
 
 from robotrue.app.context import Context
-from robotrue.app.operation import Operation
+from robotrue.app.operation import operation
 from robotrue.app.presentation import Note, PlainResult, Table, count
 from robotrue.app.request import InputFile, Option, Output, Request
 from robotrue.app.request_fields import OUTPUT, table_output
@@ -33,8 +33,9 @@ class DrillZeroRequest(Request):
     """Foot file to write: FOOT with this zero."""
 
 
+@operation("drill_zero")
 def take_zero(request: DrillZeroRequest, context: Context) -> PlainResult:
-    """Writes a foot file with the mean readings on the calibration tool as its zero."""
+    """Set the zero of a foot on its calibration tool, with its uncertainty."""
     from robotrue.drilling.foot_file import read_foot
     from robotrue.drilling.foot_zero import (
         check_exchange,
@@ -80,13 +81,6 @@ def take_zero(request: DrillZeroRequest, context: Context) -> PlainResult:
     )
 
 
-DRILL_ZERO: Final = Operation(
-    help="Set the zero of a foot on its calibration tool, with its uncertainty.",
-    request=DrillZeroRequest,
-    run=take_zero,
-)
-
-
 PLATES: Final = 5
 ON_PLATES: Final = (
     "Set a calibration plane up for each plate, square to the spindle at its A and B, clamp at "
@@ -126,8 +120,9 @@ class DrillPlanRequest(Request):
     """With such a range: number of plates."""
 
 
+@operation("drill_plan")
 def plan_clamps(request: DrillPlanRequest, context: Context) -> PlainResult:
-    """Writes the execution sheet of a campaign.
+    """Plan a campaign: tilts, forces and heights of the clamps, and their order.
 
     Raises:
         ConfigurationError: More tilt than the foot follows, or too few clamps.
@@ -205,10 +200,3 @@ def _plates(request: DrillPlanRequest, head: Head | None) -> Plates | None:
     ]
     known = head or Head(p_pivot_tip=np.full(3, np.nan))
     return spread_plates(known, request.plates, np.array(limits))
-
-
-DRILL_PLAN: Final = Operation(
-    help="Plan a campaign: tilts, forces and heights of the clamps, and their order.",
-    request=DrillPlanRequest,
-    run=plan_clamps,
-)

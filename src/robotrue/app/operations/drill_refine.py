@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Final
+from typing import TYPE_CHECKING, Annotated
 
 from pydantic import Field
 
 from robotrue.app.context import Context
-from robotrue.app.operation import Operation
+from robotrue.app.operation import operation
 from robotrue.app.presentation import Note, PlainResult, Table, count
 from robotrue.app.request import InputFile, Request
 from robotrue.app.request_fields import DrillModel, FootModelOutput, ReferenceSigma, ZeroFoot
@@ -41,6 +41,7 @@ class DrillRefineRequest(Request):
     foot: ZeroFoot = None
 
 
+@operation()
 def run(request: DrillRefineRequest, context: Context) -> PlainResult:
     """Takes what a reference measured after holes into a model, and freezes it on request.
 
@@ -187,6 +188,3 @@ def _state(model: NormalModel) -> str:
         f"frozen as {kept.version}: {kept.clamps} clamps within {kept.p95 / DEG:.4f} deg (95 %), "
         f"{kept.largest / DEG:.4f} deg at most"
     )
-
-
-OPERATION: Final = Operation(request=DrillRefineRequest, run=run)

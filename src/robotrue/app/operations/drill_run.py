@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Final
+from typing import TYPE_CHECKING, Annotated
 
 from pydantic import Field
 
 from robotrue.app.context import Context
-from robotrue.app.operation import Operation
+from robotrue.app.operation import operation
 from robotrue.app.presentation import Block, Note, count
 from robotrue.app.request import InputFile, Option, Request
 from robotrue.app.request_fields import (
@@ -98,6 +98,7 @@ class DrillServed:
         yield Note(self.summary)
 
 
+@operation(is_service=True)
 def run(request: DrillRunRequest, context: Context) -> DrillServed:
     """Answers clamps until stopped, or for a time.
 
@@ -197,6 +198,3 @@ def _replay(
         f"note: {count(replayed, 'reference')} of {journal.name} imported into the model, which "
         f"was written before them; it is version {model.version} now"
     )
-
-
-OPERATION: Final = Operation(request=DrillRunRequest, run=run, is_service=True)

@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Final
+from typing import TYPE_CHECKING, Annotated
 
 from pydantic import Field
 
 from robotrue.app.context import Context
-from robotrue.app.operation import Operation
+from robotrue.app.operation import operation
 from robotrue.app.presentation import Block, Note, PlainResult, Table
 from robotrue.app.reported import Language, check_reports
 from robotrue.app.request import (
@@ -46,8 +46,9 @@ class DrillEvaluateRequest(Request):
     foot: ZeroFoot = None
 
 
+@operation("drill_evaluate")
 def evaluate_model(request: DrillEvaluateRequest, context: Context) -> PlainResult:
-    """Reports the residual tilt after one move on clamps with known tilts."""
+    """Compare the tilt after one move: uncorrected, patent's regression, model."""
     from robotrue.drilling.campaign_csv import read_test
     from robotrue.drilling.evaluate import evaluate_test, evaluation_document
     from robotrue.drilling.model_archive import read_model
@@ -75,13 +76,6 @@ def evaluate_model(request: DrillEvaluateRequest, context: Context) -> PlainResu
         shown=(table, Note(covered)),
         provenance=merge([model.provenance, data.provenance]),
     )
-
-
-DRILL_EVALUATE: Final = Operation(
-    help="Compare the tilt after one move: uncorrected, patent's regression, model.",
-    request=DrillEvaluateRequest,
-    run=evaluate_model,
-)
 
 
 class DrillReportRequest(Request):
@@ -128,8 +122,9 @@ class DrillJudged:
         yield Note(self.verdict)
 
 
+@operation("drill_report")
 def report_model(request: DrillReportRequest, context: Context) -> DrillJudged:
-    """Writes the report of a model on clamps with known tilts, and its JSON file.
+    """Write the report of a model: tilt after one move, and the test data.
 
     Raises:
         ConfigurationError: A job that tests a model on the campaign it was learned from.
@@ -168,6 +163,7 @@ def report_model(request: DrillReportRequest, context: Context) -> DrillJudged:
     )
 
 
+@report_model.saves
 def save_report(
     request: DrillReportRequest, result: DrillJudged, into: Transaction, context: WorkspaceContext
 ) -> Mapping[str, object]:
@@ -191,11 +187,3 @@ def save_report(
     links = [Link(role="model", to=held.ref), Link(role="data", to=record.ref)]
     files = list(result.written)
     return context.leave_document(into, TEST, held.name, files, links, json_values(detail))
-
-
-DRILL_REPORT: Final = Operation(
-    help="Write the report of a model: tilt after one move, and the test data.",
-    request=DrillReportRequest,
-    run=report_model,
-    save=save_report,
-)

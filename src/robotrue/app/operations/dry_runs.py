@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final
 
 from robotrue.app.context import Context
-from robotrue.app.operation import Operation
+from robotrue.app.operation import operation
 from robotrue.app.presentation import Note, PlainResult, Table
 from robotrue.app.request import InputFile, Item, Output, Reference, Request
 from robotrue.app.request_fields import OUTPUT
@@ -50,8 +50,9 @@ class DryRunPlanRequest(Request):
     """Registered cell with the part frame."""
 
 
+@operation("dry_run_plan")
 def plan_dry_run(request: DryRunPlanRequest, context: Context) -> PlainResult:
-    """Writes the sheet of a dry run.
+    """Choose points at equal steps along a program and write the sheet of a dry run.
 
     Raises:
         ConfigurationError: Fewer than two points, or no path in the program.
@@ -175,13 +176,6 @@ def _write_sheet(
     write_columns(path, table, origin or MEASURED)
 
 
-DRY_RUN_PLAN: Final = Operation(
-    help="Choose points at equal steps along a program and write the sheet of a dry run.",
-    request=DryRunPlanRequest,
-    run=plan_dry_run,
-)
-
-
 NAMES: Final = ("x", "y", "z", "length")
 
 
@@ -196,8 +190,9 @@ class DryRunRequest(Request):
     """The same with the compensated program."""
 
 
+@operation("dry_run")
 def evaluate_dry_run(request: DryRunRequest, context: Context) -> PlainResult:
-    """Evaluates what was measured at the points of a dry run.
+    """Evaluate a dry run: the measured error of a program's points, before and after compensation.
 
     Raises:
         FormatError: A column that is missing or no number; with file and line.
@@ -296,11 +291,3 @@ def _read_band(sheet: Sheet, run_name: str, rows: IntArray) -> tuple[Array, Arra
         for names in (predicted, sigma)
     )
     return error, deviation
-
-
-DRY_RUN: Final = Operation(
-    help="Evaluate a dry run: the measured error of a program's points, before and after "
-    "compensation.",
-    request=DryRunRequest,
-    run=evaluate_dry_run,
-)

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final, Literal, TypeAlias
 
 from robotrue.app.context import Context
-from robotrue.app.operation import Operation
+from robotrue.app.operation import operation
 from robotrue.app.presentation import Block, Facts, PlainResult, Table, count
 from robotrue.app.request import InputFile, Request
 from robotrue.app.request_fields import (
@@ -47,6 +47,7 @@ class DynamicsFitRequest(Request):
     frf: PredictedWith = None
 
 
+@operation()
 def run(request: DynamicsFitRequest, context: Context) -> PlainResult:
     """Learns the deviation and writes the model."""
     from robotrue.app.dynamics_inputs import read_arm, windows_origin
@@ -226,6 +227,3 @@ def _tables_facts(tables: PaperTables) -> Facts:
             ("rmse um, blocks held out", f"{rmse['blocks']:.2f}"),
         ),
     )
-
-
-OPERATION: Final = Operation(request=DynamicsFitRequest, run=run)

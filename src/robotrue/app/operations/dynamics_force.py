@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final
 
 from robotrue.app.context import Context
-from robotrue.app.operation import Operation
+from robotrue.app.operation import operation
 from robotrue.app.outputs import require_suffix
 from robotrue.app.presentation import Facts, PlainResult, Table
 from robotrue.app.request import InputFile, Output, Request
@@ -51,6 +51,7 @@ class DynamicsForceRequest(Request):
     """Length of the record."""
 
 
+@operation()
 def run(request: DynamicsForceRequest, context: Context) -> PlainResult:
     """Predicts the force or identifies coefficients; writes the requested files.
 
@@ -238,6 +239,3 @@ def _along(
 
 def _three(values: Array) -> str:
     return "  ".join(f"{v:8.2f}" for v in values)
-
-
-OPERATION: Final = Operation(request=DynamicsForceRequest, run=run)

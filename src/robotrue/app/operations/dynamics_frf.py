@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Final
+from typing import TYPE_CHECKING, Annotated
 
 from robotrue.app.context import Context
-from robotrue.app.operation import Operation
+from robotrue.app.operation import operation
 from robotrue.app.presentation import Block, Facts, PlainResult, Table, count
 from robotrue.app.request import InputFile, Output, Request
 from robotrue.app.request_fields import OUTPUT, StaticTest
@@ -39,6 +39,7 @@ class DynamicsFrfRequest(Request):
     """Also write a plot of magnitude, phase, coherence (PNG, SVG or PDF)."""
 
 
+@operation()
 def run(request: DynamicsFrfRequest, context: Context) -> PlainResult:
     """Evaluates the records, checks the response, fits modes, and writes the requested files.
 
@@ -255,6 +256,3 @@ def _weights(fitted: ModalModel, k: int) -> list[complex]:
         share = -2.0 * (fitted.residues[k, i, j] / fitted.poles[k]).real
         out.append(complex(share / UM))
     return out
-
-
-OPERATION: Final = Operation(request=DynamicsFrfRequest, run=run)

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Final
+from typing import TYPE_CHECKING, Annotated
 
 from robotrue.app.context import Context
-from robotrue.app.operation import Operation
+from robotrue.app.operation import operation
 from robotrue.app.presentation import Facts, PlainResult
 from robotrue.app.request import InputFile, Output, Request
 from robotrue.app.request_fields import BETWEEN, WAYS_BETWEEN, Between, StaticTest, table_output
@@ -46,6 +46,7 @@ class DynamicsPredictRequest(Request):
     """Also write a plot of force, error and response (PNG, SVG or PDF)."""
 
 
+@operation()
 def run(request: DynamicsPredictRequest, context: Context) -> PlainResult:
     """Predicts the error, writes it as CSV, and reports its uncertainty."""
     from robotrue.app.dynamics_inputs import parse_static
@@ -209,6 +210,3 @@ def _by_axis(values: Array) -> str:
 
     cells = zip("xyz", values, strict=True)
     return ", ".join(f"{a} {v:.3g}" if isfinite(v) else f"{a} -" for a, v in cells)
-
-
-OPERATION: Final = Operation(request=DynamicsPredictRequest, run=run)

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Final
+from typing import TYPE_CHECKING, Annotated
 
 from robotrue.app.context import Context
-from robotrue.app.operation import Operation
+from robotrue.app.operation import operation
 from robotrue.app.presentation import Facts, PlainResult
 from robotrue.app.request import InputFile, Request
 from robotrue.app.request_fields import model_output
@@ -28,6 +28,7 @@ class DynamicsSensorRequest(Request):
     """File of mass, centre and offsets to write."""
 
 
+@operation()
 def run(request: DynamicsSensorRequest, context: Context) -> PlainResult:
     """Identifies the load on the sensor, and writes it."""
     from robotrue.core.archive import write_archive
@@ -82,6 +83,3 @@ def _facts(tool: HeldTool, poses: int) -> Facts:
 
 def _three(values: Array, digits: int = 2) -> str:
     return ", ".join(f"{v:.{digits}f}" for v in values)
-
-
-OPERATION: Final = Operation(request=DynamicsSensorRequest, run=run)

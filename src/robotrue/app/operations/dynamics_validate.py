@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final
 
 from robotrue.app.context import Context
-from robotrue.app.operation import Operation
+from robotrue.app.operation import operation
 from robotrue.app.presentation import Facts, Note, PlainResult, Table, count
 from robotrue.app.request import InputFile, Request
 from robotrue.app.request_fields import (
@@ -56,6 +56,7 @@ class DynamicsValidateRequest(Request):
     frf: PredictedWith = None
 
 
+@operation()
 def run(request: DynamicsValidateRequest, context: Context) -> PlainResult:
     """Scores by held-out windows; with a model, that model on these windows.
 
@@ -194,6 +195,3 @@ def _score_row(score: Score) -> tuple[str, ...]:
         inside,
         chance,
     )
-
-
-OPERATION: Final = Operation(request=DynamicsValidateRequest, run=run)

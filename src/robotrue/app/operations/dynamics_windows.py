@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Final, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from robotrue.app.context import Context
-from robotrue.app.operation import Operation
+from robotrue.app.operation import operation
 from robotrue.app.presentation import Facts, PlainResult, count
 from robotrue.app.request import InputFile, Request
 from robotrue.app.request_fields import (
@@ -79,6 +79,7 @@ class DynamicsWindowsRequest(Request):
     direction: Direction = DIRECTION
 
 
+@operation()
 def run(request: DynamicsWindowsRequest, context: Context) -> PlainResult:
     """Cuts the windows, writes them, and reports the stages of the pass."""
     from robotrue.app.dynamics_inputs import parse_static
@@ -261,6 +262,3 @@ def _facts(
             ("written", f"{output}, {count(rows, 'window')}"),
         ),
     )
-
-
-OPERATION: Final = Operation(request=DynamicsWindowsRequest, run=run)

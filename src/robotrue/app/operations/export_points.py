@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Final
+from typing import TYPE_CHECKING, Annotated
 
 from robotrue.app.context import Context
-from robotrue.app.operation import Operation
+from robotrue.app.operation import operation
 from robotrue.app.presentation import PlainResult
 from robotrue.app.request import InputFile, Output, Request
 from robotrue.app.request_fields import OUTPUT, Columns
@@ -31,6 +31,7 @@ class ExportPointsRequest(Request):
     mapping: Columns = None
 
 
+@operation()
 def run(request: ExportPointsRequest, context: Context) -> PlainResult:
     """Writes the points in mm, in the frame that the file states them in.
 
@@ -145,6 +146,3 @@ def _work_frame(program: Program, number: int) -> str:
         return f"{name} (stored in the controller)"
     pose = [*(T_base_frame[:3, 3] / MM), *(abc_from_matrix(T_base_frame[:3, :3]) / DEG)]
     return f"{name} (X, Y, Z, A, B, C {', '.join(f'{round(value, 6) + 0.0:g}' for value in pose)})"
-
-
-OPERATION: Final = Operation(request=ExportPointsRequest, run=run)

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Final
+from typing import TYPE_CHECKING, Annotated
 
 from pydantic import Field
 
 from robotrue.app.context import Context
-from robotrue.app.operation import Operation
+from robotrue.app.operation import operation
 from robotrue.app.presentation import Note, PlainResult, Table
 from robotrue.app.request import InputFile, Request
 from robotrue.core.provenance import merge, read_provenance
@@ -38,6 +38,7 @@ class HoleRequest(Request):
     """For a scan: largest distance of used points from the nominal wall."""
 
 
+@operation()
 def run(request: HoleRequest, context: Context) -> PlainResult:
     """Evaluates the points of a hole against its drawing.
 
@@ -140,6 +141,3 @@ def _read_points(path: Path, centre: Array, radius: float, wall: float) -> tuple
         return vertices[off <= wall], read_provenance(path)
     sheet = read_sheet(path)
     return sheet.numbers(("x_mm", "y_mm", "z_mm")) * MM, sheet.provenance
-
-
-OPERATION: Final = Operation(request=HoleRequest, run=run)

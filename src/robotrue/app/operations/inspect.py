@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Final
+from typing import Annotated
 
 from robotrue.app.context import Context
-from robotrue.app.operation import Operation
+from robotrue.app.operation import operation
 from robotrue.app.presentation import PlainResult
 from robotrue.app.request import ON_COMMAND_LINE, InputFile, Request
 from robotrue.app.request_fields import Columns
@@ -22,6 +22,7 @@ class InspectRequest(Request):
     """Cell of the measurements: report faults in them."""
 
 
+@operation()
 def run(request: InspectRequest, context: Context) -> PlainResult:
     """Returns what the file holds.
 
@@ -35,6 +36,3 @@ def run(request: InspectRequest, context: Context) -> PlainResult:
 
         return inspect_measurements(request.path, request.doctor, request.mapping, context)
     return describe_file(request.path, request.mapping)
-
-
-OPERATION: Final = Operation(request=InspectRequest, run=run)

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final, Literal
 
 from robotrue.app.context import Context
-from robotrue.app.operation import Operation
+from robotrue.app.operation import operation
 from robotrue.app.presentation import Block, Note, PlainResult, Table, count
 from robotrue.app.request import Item, Output, Reference, Request
 from robotrue.app.request_fields import AT_TARGET, OUTPUT
@@ -108,6 +108,7 @@ def _sector_rows(error_map: WorkspaceMap) -> Iterable[tuple[str, ...]]:
         yield (name, str(int(here.sum())), *(f"{value:.3f}" for value in numbers))
 
 
+@operation()
 def run(request: MapRequest, context: Context) -> PlainResult:
     """Maps the error and writes a picture, a table or a page.
 
@@ -206,6 +207,3 @@ def _picture(
         provenance=(Fact(name=path.name, value=f"sha256:{sha256(read_bytes(path))}"),),
     )
     return report_html(content).encode()
-
-
-OPERATION: Final = Operation(request=MapRequest, run=run)

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final
 
 from robotrue.app.context import Context
-from robotrue.app.operation import Operation
+from robotrue.app.operation import operation
 from robotrue.app.presentation import Block, Facts, Note, PlainResult, Table
 from robotrue.app.request import InputFile, Option, Request
 from robotrue.app.request_fields import CellOrModel, ToolSigma, TouchSigma, table_output
@@ -43,8 +43,9 @@ class MasteringPlanRequest(Request):
     """Seed of the attitudes."""
 
 
+@operation("mastering_plan")
 def plan_postures(request: MasteringPlanRequest, context: Context) -> PlainResult:
-    """Chooses the postures and writes them.
+    """Plan touches of one fixed point that show which axis lost its zero.
 
     Raises:
         ConfigurationError: No point, too few touches, or an invalid lean.
@@ -98,13 +99,6 @@ def plan_postures(request: MasteringPlanRequest, context: Context) -> PlainResul
     )
 
 
-MASTERING_PLAN: Final = Operation(
-    help="Plan touches of one fixed point that show which axis lost its zero.",
-    request=MasteringPlanRequest,
-    run=plan_postures,
-)
-
-
 class MasteringRequest(Request):
     """Measured touches, and the uncertainty of point and tool."""
 
@@ -120,8 +114,9 @@ class MasteringRequest(Request):
     """Standard deviation of that point per axis."""
 
 
+@operation("mastering")
 def check_zeros(request: MasteringRequest, context: Context) -> PlainResult:
-    """Checks the zeros of the axes.
+    """Find the axis that lost its zero from touches of one fixed point; no tracker is needed.
 
     Raises:
         ConfigurationError: Touches without joints, or of several places; an invalid point.
@@ -153,13 +148,6 @@ def check_zeros(request: MasteringRequest, context: Context) -> PlainResult:
         shown=_blocks(found, cell.robot, calibrated=model is not None),
         provenance=merge([touches.provenance]),
     )
-
-
-MASTERING: Final = Operation(
-    help="Find the axis that lost its zero from touches of one fixed point; no tracker is needed.",
-    request=MasteringRequest,
-    run=check_zeros,
-)
 
 
 SIGMAS: Final = 1.96

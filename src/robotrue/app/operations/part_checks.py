@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Final
+from typing import TYPE_CHECKING, Annotated
 
 from robotrue.app.context import Context
-from robotrue.app.operation import Operation
+from robotrue.app.operation import operation
 from robotrue.app.presentation import Block, Facts, Note, PlainResult, Table
 from robotrue.app.request import InputFile, Item, Reference, Request
 from robotrue.app.request_fields import TouchSigma, cell_output
@@ -51,8 +51,9 @@ class BlankCheckRequest(Request):
     """Also write the registered cell with the part shifted."""
 
 
+@operation("blank_check")
 def check_blank_part(request: BlankCheckRequest, context: Context) -> PlainResult:
-    """Reports the allowance of the blank on every touched face, and the least.
+    """Check that the finished part lies inside its blank, and find the best shift.
 
     Raises:
         ConfigurationError: Touches without normals, or a shift of a cell that is not registered.
@@ -198,13 +199,6 @@ def _blank_blocks(check: BlankCheck) -> tuple[Block, ...]:
     )
 
 
-BLANK_CHECK: Final = Operation(
-    help="Check that the finished part lies inside its blank, and find the best shift.",
-    request=BlankCheckRequest,
-    run=check_blank_part,
-)
-
-
 class DatumCheckRequest(Request):
     """Measured datums and their tolerances."""
 
@@ -221,8 +215,9 @@ class DatumCheckRequest(Request):
     touch_sigma_mm: TouchSigma = TOUCH_MM
 
 
+@operation("datum_check")
 def check_datums(request: DatumCheckRequest, context: Context) -> PlainResult:
-    """Reports whether the datums agree, deviate, or are undetermined.
+    """Check the part frame with datums that were not used to find it.
 
     Raises:
         ConfigurationError: No registered cell, a datum the frame was made of, or no tolerance.
@@ -324,10 +319,3 @@ def _datum_document(check: DatumCheck, joint: bool) -> dict[str, object]:
             )
         ],
     }
-
-
-DATUM_CHECK: Final = Operation(
-    help="Check the part frame with datums that were not used to find it.",
-    request=DatumCheckRequest,
-    run=check_datums,
-)

@@ -8,15 +8,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from robotrue.app.context import Context
-from robotrue.app.operation import Operation
+from robotrue.app.operation import operation
 from robotrue.app.plan_request import PlanRequest, refuse_other_method
 from robotrue.app.presentation import Block, Note, Table
 from robotrue.core.provenance import Provenance, marked_document
 from robotrue.core.units import MM, UM
 from robotrue.errors import ConfigurationError, ModelMismatchError
-from robotrue.planning.plan_defaults import (
-    INFORMATION,
-)
+from robotrue.planning.plan_defaults import INFORMATION
 
 if TYPE_CHECKING:
     from robotrue.app.hierarchy import PlannedHierarchy
@@ -81,6 +79,7 @@ class Planned:
         )
 
 
+@operation()
 def run(request: PlanRequest, context: Context) -> Planned | PlannedHierarchy:
     """Chooses the poses and writes them.
 
@@ -203,6 +202,7 @@ def _payload(text: str) -> Load:
     return Load(mass=numbers[:1], com=centre[None])
 
 
+@run.saves
 def save(
     request: PlanRequest,
     result: Planned | PlannedHierarchy,
@@ -227,6 +227,3 @@ def save(
         links.append(Link(role="before", to=context.record(PROGRAM, request.program).ref))
     detail = marked_document(plan_document(result.plan), result.provenance)
     return context.leave_document(into, "plan", cell.name, result.files, links, detail)
-
-
-OPERATION: Final = Operation(request=PlanRequest, run=run, save=save)

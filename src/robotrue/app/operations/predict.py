@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Final
+from typing import TYPE_CHECKING, Annotated
 
 from robotrue.app.context import Context
-from robotrue.app.operation import Operation
+from robotrue.app.operation import operation
 from robotrue.app.presentation import Block, Note
 from robotrue.app.request import InputFile, Request
 from robotrue.app.request_fields import CalibratedModel, Columns, table_output
@@ -74,6 +74,7 @@ class Predictions:
         )
 
 
+@operation()
 def run(request: PredictRequest, context: Context) -> Predictions:
     """Writes ``ex_mm, ey_mm, ez_mm, sx_mm, sy_mm, sz_mm`` (base axes), one row per query.
 
@@ -125,6 +126,3 @@ def run(request: PredictRequest, context: Context) -> Predictions:
         output=output,
         provenance=origin,
     )
-
-
-OPERATION: Final = Operation(request=PredictRequest, run=run)

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final, Literal
 
 from robotrue.app.context import Context
-from robotrue.app.operation import Operation
+from robotrue.app.operation import operation
 from robotrue.app.presentation import Block, Note, Table, count
 from robotrue.app.request import InputFile, Option, Output, Request
 from robotrue.app.request_fields import CellOrModel, Page, ToolSigma, TouchSigma, table_output
@@ -171,6 +171,7 @@ def _mm(value: float) -> str:
     return f"{value / MM:.3f}" if isfinite(value) else "-"
 
 
+@operation()
 def run(request: ProbePlanRequest, context: Context) -> PlannedTouches:
     """Chooses the probing points and writes them with the requested files.
 
@@ -340,6 +341,3 @@ def _pages(
     if request.picture is not None:
         pages[request.picture] = "picture", part_map(result.plan, result.task, tip_axis).png()
     return pages
-
-
-OPERATION: Final = Operation(request=ProbePlanRequest, run=run)

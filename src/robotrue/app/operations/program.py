@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Final
 
 from robotrue.app.compensation_request import ALLOW_STEPS, MAX_STEP, CompensateRequest
 from robotrue.app.context import Context
-from robotrue.app.operation import Operation
+from robotrue.app.operation import operation
 from robotrue.app.operations.compensate import run as compensate
 from robotrue.app.presentation import PlainResult, Table
 from robotrue.app.request import InputFile, Item, Option, Output, Reference, Request
@@ -83,6 +83,7 @@ class ProgramRequest(Request):
     report: Page = None
 
 
+@operation()
 def run(request: ProgramRequest, context: Context) -> PlainResult:
     """Writes the program and reports the arm's motion on each side.
 
@@ -346,6 +347,3 @@ def _compensate(
         )
         made = compensate(asked, context)
     return marked_document(made.document(), made.provenance)
-
-
-OPERATION: Final = Operation(request=ProgramRequest, run=run)

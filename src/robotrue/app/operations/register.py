@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Final, Literal
+from typing import Annotated, Literal
 
 from robotrue.app.context import Context
-from robotrue.app.operation import Operation
+from robotrue.app.operation import operation
 from robotrue.app.outputs import check_output
 from robotrue.app.presentation import PlainResult
 from robotrue.app.request import InputFile, Output, Request
@@ -63,6 +63,7 @@ class RegisterRequest(Request):
     frame_number: FrameNumber = FRAME_NUMBER
 
 
+@operation()
 def run(request: RegisterRequest, context: Context) -> PlainResult:
     """Registers, and writes the cell and, where touching refined the arm, its model.
 
@@ -149,6 +150,3 @@ def _check_request(request: RegisterRequest, source: Path, refined: Path) -> Non
             f"--probe-radius-mm is {request.probe_radius_mm:g} mm, expected 0 to 100 mm.",
             hint="--probe-radius-mm 3",
         )
-
-
-OPERATION: Final = Operation(request=RegisterRequest, run=run)

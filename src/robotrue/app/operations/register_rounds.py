@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final, Literal
 
 from robotrue.app.context import Context
-from robotrue.app.operation import Operation
+from robotrue.app.operation import operation
 from robotrue.app.presentation import Block, Facts, Note, PlainResult, Table
 from robotrue.app.request import InputFile, Request
 from robotrue.app.request_fields import (
@@ -46,6 +46,7 @@ class RegisterRoundsRequest(Request):
     frame_number: FrameNumber = FRAME_NUMBER
 
 
+@operation()
 def run(request: RegisterRoundsRequest, context: Context) -> PlainResult:
     """Adjusts, and writes the cell for the next run.
 
@@ -210,6 +211,3 @@ def _number(value: float) -> float | None:
     import numpy as np
 
     return value / MM if np.isfinite(value) else None
-
-
-OPERATION: Final = Operation(request=RegisterRoundsRequest, run=run)

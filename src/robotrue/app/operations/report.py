@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Final, Literal
 from pydantic import Field
 
 from robotrue.app.context import Context
-from robotrue.app.operation import Operation
+from robotrue.app.operation import operation
 from robotrue.app.operations.report_files import (
     ReportCalibrationRequest,
     ReportProgramRequest,
@@ -122,6 +122,7 @@ class ItemReport:
             yield Note(warning)
 
 
+@operation()
 def run(request: ReportRequest, context: Context) -> ItemReport:
     """Writes the report in the requested formats.
 
@@ -266,6 +267,7 @@ def _is_simulated(place: WorkspaceContext, models: Iterable[ModelRecord]) -> boo
     return any(provenance_of_record(each).simulated for each in place.records(MEASUREMENT, data))
 
 
+@run.saves
 def save(
     request: ReportRequest, result: ItemReport, into: Transaction, context: WorkspaceContext
 ) -> Mapping[str, object]:
@@ -276,6 +278,3 @@ def save(
     return context.leave_document(
         into, "report", result.about.name, result.files, links, result.document()
     )
-
-
-OPERATION: Final = Operation(request=ReportRequest, run=run, save=save)

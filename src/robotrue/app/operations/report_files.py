@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Final
+from typing import TYPE_CHECKING, Annotated
 
 from pydantic import Field
 
 from robotrue.app import reported
 from robotrue.app.context import Context
-from robotrue.app.operation import Operation
+from robotrue.app.operation import operation
 from robotrue.app.presentation import PlainResult
 from robotrue.app.request import InputFile, Item, Option, Output, Reference, Request
 from robotrue.app.request_fields import OUTPUT, CalibratedModel, CertificateDetails, Columns
@@ -46,8 +46,9 @@ class ReportCalibrationRequest(Request):
     simulated: reported.Simulated = False
 
 
+@operation("report_calibration")
 def report_calibration(request: ReportCalibrationRequest, context: Context) -> PlainResult:
-    """Writes the certificate."""
+    """Write the calibration certificate of a model, preferably with held-out poses."""
     lang = reported.check_report_request(request, request.output, request.lang, certificate=True)
     return reported.write_draft(draft_certificate(request, context, lang), request.output, context)
 
@@ -102,13 +103,6 @@ def draft_certificate(
     )
 
 
-REPORT_CALIBRATION: Final = Operation(
-    help="Write the calibration certificate of a model, preferably with held-out poses.",
-    request=ReportCalibrationRequest,
-    run=report_calibration,
-)
-
-
 class ReportProgramRequest(Request):
     """Program to check, the model, the tolerance, and the force."""
 
@@ -137,8 +131,9 @@ class ReportProgramRequest(Request):
     simulated: reported.Simulated = False
 
 
+@operation("report_program")
 def report_program(request: ReportProgramRequest, context: Context) -> PlainResult:
-    """Writes the report; the verdict is in it, and never an error."""
+    """Check a compensated program against a tolerance: GO or NO-GO, and the worst targets."""
     lang = reported.check_report_request(request, request.output, request.lang)
     place = None if request.cell is None else context.registration_file(request.cell)
     return reported.write_draft(
@@ -213,13 +208,6 @@ def _files_of(job: Path) -> list[Path]:
     return sorted(p for p in job.iterdir() if p.is_file()) if job.is_dir() else [job]
 
 
-REPORT_PROGRAM: Final = Operation(
-    help="Check a compensated program against a tolerance: GO or NO-GO, and the worst targets.",
-    request=ReportProgramRequest,
-    run=report_program,
-)
-
-
 class ReportRegistrationRequest(Request):
     """Registered cell to report."""
 
@@ -230,8 +218,9 @@ class ReportRegistrationRequest(Request):
     simulated: reported.Simulated = False
 
 
+@operation("report_registration")
 def report_registration(request: ReportRegistrationRequest, context: Context) -> PlainResult:
-    """Writes the report of a registered cell."""
+    """Report the part frames of a registered cell with their uncertainty."""
     lang = reported.check_report_request(request, request.output, request.lang)
     return reported.write_draft(draft_registration(request, context, lang), request.output, context)
 
@@ -268,10 +257,3 @@ def draft_registration(
         lang=lang,
     )
     return reported.draft_verdict(content)
-
-
-REPORT_REGISTRATION: Final = Operation(
-    help="Report the part frames of a registered cell with their uncertainty.",
-    request=ReportRegistrationRequest,
-    run=report_registration,
-)

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Final
+from typing import Annotated
 
 from robotrue.app.context import Context
-from robotrue.app.operation import Operation
+from robotrue.app.operation import operation
 from robotrue.app.presentation import Facts, PlainResult, Table
 from robotrue.app.request import Option, Request
 from robotrue.app.request_fields import OUTPUT
@@ -33,6 +33,7 @@ class ReproduceRequest(Request):
     """Seed of the arm of --data."""
 
 
+@operation()
 def run(request: ReproduceRequest, context: Context) -> PlainResult:
     """Runs the reproduction; returns its tables next to the paper's."""
     from robotrue_reproductions.papers import find_paper
@@ -85,6 +86,3 @@ def _write_data(request: ReproduceRequest, folder: Path, context: Context) -> Pl
         context.wrote("file", path)
     values = {"files": [str(path) for path in files]}
     return PlainResult(values=values, provenance=Provenance(simulated=True))
-
-
-OPERATION: Final = Operation(request=ReproduceRequest, run=run)

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Final
+from typing import TYPE_CHECKING, Annotated
 
 from robotrue.app.context import Context
-from robotrue.app.operation import Operation
+from robotrue.app.operation import operation
 from robotrue.app.presentation import Facts, PlainResult
 from robotrue.app.request import InputFile, Output, Request
 from robotrue.app.request_fields import OUTPUT
@@ -34,6 +34,7 @@ class SenseAlignRequest(Request):
     """Largest shift between the clocks."""
 
 
+@operation()
 def run(request: SenseAlignRequest, context: Context) -> PlainResult:
     """Writes the clock file and reports the uncertainty of the alignment.
 
@@ -106,6 +107,3 @@ def _times(blocks: Sequence[Block], path: Path) -> tuple[Array, bool, BoolArray]
     time, doubt = StreamClock().align(controller, host)
     sound = valid & ~doubt & np.isfinite(time)
     return time[sound], bool((host[valid] != controller[valid]).any()), sound
-
-
-OPERATION: Final = Operation(request=SenseAlignRequest, run=run)

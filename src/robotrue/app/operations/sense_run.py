@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final
 
 from robotrue.app.context import Context
-from robotrue.app.operation import Operation
+from robotrue.app.operation import operation
 from robotrue.app.presentation import Facts, LiveView, Note, PlainResult, Table
 from robotrue.app.request import InputFile, Item, Reference, Request
 from robotrue.app.request_fields import CellFile
@@ -88,6 +88,7 @@ class SenseRunRequest(Request):
     """Run time in s; default: until Ctrl-C."""
 
 
+@operation(is_service=True)
 def run(request: SenseRunRequest, context: Context) -> PlainResult:
     """Runs the service until the forces end, the time is over or Ctrl-C; returns its totals.
 
@@ -276,6 +277,3 @@ def _health_row(health: Health, clock: ClockFix | None, fault: str) -> tuple[str
         drift,
         fault or health.last_fault,
     )
-
-
-OPERATION: Final = Operation(request=SenseRunRequest, run=run, is_service=True)

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from math import isfinite
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Final
+from typing import TYPE_CHECKING, Annotated
 
 from robotrue.app.context import Context
-from robotrue.app.operation import Operation
+from robotrue.app.operation import operation
 from robotrue.app.presentation import Block, Note, PlainResult, Table
 from robotrue.app.request import Item, Option, Output, Reference, Request
 from robotrue.app.request_fields import OUTPUT, CellFile, ForeignColumns, Page
@@ -50,6 +50,7 @@ class SimilarityRequest(Request):
     report: Page = None
 
 
+@operation()
 def run(request: SimilarityRequest, context: Context) -> PlainResult:
     """Compares the regions; writes the table and, if requested, the curves and the page.
 
@@ -184,6 +185,3 @@ def _stated_region(text: str) -> NamedRegion:
             f"--region {text!r}, expected NAME=LIMITS.", hint=f"--region A={EXAMPLE}"
         )
     return NamedRegion(name=name, region=parse_region(f"--region {name}=", limits))
-
-
-OPERATION: Final = Operation(request=SimilarityRequest, run=run)

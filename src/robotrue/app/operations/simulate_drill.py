@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final
 
 from robotrue.app.context import Context
-from robotrue.app.operation import Operation
+from robotrue.app.operation import operation
 from robotrue.app.presentation import Note, PlainResult
 from robotrue.app.request import InputFile, Request
 from robotrue.app.simulated_service import Seconds, run_until_stopped
@@ -70,6 +70,7 @@ class PracticeFigures:
     datagrams: int
 
 
+@operation(is_service=True)
 def run(request: SimulateDrillRequest, context: Context) -> PlainResult:
     """Drills with ``robotrue drill run`` until all holes are done or Ctrl-C; or writes files.
 
@@ -218,6 +219,3 @@ def _figures(tally: DrillingTally) -> PracticeFigures:
         alarms=", ".join(tally.alarms),
         datagrams=tally.sent,
     )
-
-
-OPERATION: Final = Operation(request=SimulateDrillRequest, run=run, is_service=True)

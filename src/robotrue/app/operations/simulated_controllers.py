@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Final
 
 from robotrue.app import simulated_service as service
 from robotrue.app.context import Context
-from robotrue.app.operation import Operation
+from robotrue.app.operation import operation
 from robotrue.app.presentation import PlainResult
 from robotrue.app.request import InputFile, Output, Request
 from robotrue.core.provenance import Provenance
@@ -38,8 +38,9 @@ class SimulateRsiRequest(Request):
     fault: service.Faults = ()
 
 
+@operation("simulate_rsi", is_service=True)
 def simulate_rsi(request: SimulateRsiRequest, context: Context) -> PlainResult:
-    """Sends what a KUKA controller sends, until Ctrl-C.
+    """Simulated KUKA controller: sends a packet every cycle and checks each answer.
 
     Raises:
         ConfigurationError: A mode, cycle or fault that does not exist, or a faulty config file.
@@ -83,14 +84,6 @@ def simulate_rsi(request: SimulateRsiRequest, context: Context) -> PlainResult:
     )
 
 
-SIMULATE_RSI: Final = Operation(
-    help="Simulated KUKA controller: sends a packet every cycle and checks each answer.",
-    request=SimulateRsiRequest,
-    run=simulate_rsi,
-    is_service=True,
-)
-
-
 class SimulateEgmRequest(Request):
     """Simulated ABB controller, and the address it sends to."""
 
@@ -107,8 +100,9 @@ class SimulateEgmRequest(Request):
     fault: service.Faults = ()
 
 
+@operation("simulate_egm", is_service=True)
 def simulate_egm(request: SimulateEgmRequest, context: Context) -> PlainResult:
-    """Sends what an ABB controller sends, until Ctrl-C.
+    """Simulated ABB controller: sends a message every 4 ms and takes path corrections.
 
     Raises:
         ConfigurationError: A RobotWare or fault that does not exist.
@@ -153,14 +147,6 @@ def simulate_egm(request: SimulateEgmRequest, context: Context) -> PlainResult:
     )
 
 
-SIMULATE_EGM: Final = Operation(
-    help="Simulated ABB controller: sends a message every 4 ms and takes path corrections.",
-    request=SimulateEgmRequest,
-    run=simulate_egm,
-    is_service=True,
-)
-
-
 class SimulateRtdeRequest(Request):
     """Simulated UR controller, and the address it listens on."""
 
@@ -173,8 +159,9 @@ class SimulateRtdeRequest(Request):
     fault: service.Faults = ()
 
 
+@operation("simulate_rtde", is_service=True)
 def simulate_rtde(request: SimulateRtdeRequest, context: Context) -> PlainResult:
-    """Serves what a Universal Robots controller serves, until Ctrl-C.
+    """Simulated Universal Robots controller: joints, tool point and force, 500 times a second.
 
     Raises:
         ConfigurationError: A robot or fault that does not exist, or a port that is taken.
@@ -209,14 +196,6 @@ def simulate_rtde(request: SimulateRtdeRequest, context: Context) -> PlainResult
     return service.run_until_stopped("Universal Robots controller", serve, seconds=request.seconds)
 
 
-SIMULATE_RTDE: Final = Operation(
-    help="Simulated Universal Robots controller: joints, tool point and force, 500 times a second.",
-    request=SimulateRtdeRequest,
-    run=simulate_rtde,
-    is_service=True,
-)
-
-
 SENSOR: Final = Provenance(simulated=True, instrument="force sensor")
 
 
@@ -242,8 +221,9 @@ class SimulateRdtRequest(Request):
     fault: service.Faults = ()
 
 
+@operation("simulate_rdt", is_service=True)
 def simulate_rdt(request: SimulateRdtRequest, context: Context) -> PlainResult:
-    """Serves what an ATI sensor serves, until Ctrl-C.
+    """Simulated ATI force sensor: sends counts over UDP on request.
 
     Raises:
         ConfigurationError: A device or fault that does not exist, or a port that is taken.
@@ -319,11 +299,3 @@ def _announce_sensor(
         f"--force 'rdt://{host}:{port}?{query}'",
         context,
     )
-
-
-SIMULATE_RDT: Final = Operation(
-    help="Simulated ATI force sensor: sends counts over UDP on request.",
-    request=SimulateRdtRequest,
-    run=simulate_rdt,
-    is_service=True,
-)

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final
 
 from robotrue.app.context import Context
-from robotrue.app.operation import Operation
+from robotrue.app.operation import operation
 from robotrue.app.presentation import Facts, PlainResult, Table
 from robotrue.app.request import InputFile, Output, Request
 from robotrue.app.request_fields import OUTPUT
@@ -47,6 +47,7 @@ class SlotTestRequest(Request):
     """Measured: each side had a separate frame or clamping."""
 
 
+@operation()
 def run(request: SlotTestRequest, context: Context) -> PlainResult:
     """Cuts the slots every way in one virtual cell, or evaluates steps that a gauge read.
 
@@ -205,6 +206,3 @@ def _sight(found: SlotEvaluation) -> tuple[Facts, Facts]:
         Facts(title="Detected by the steps", rows=tuple(("", text) for text in found.sees)),
         Facts(title="Not detected by the steps", rows=tuple(("", text) for text in found.blind)),
     )
-
-
-OPERATION: Final = Operation(request=SlotTestRequest, run=run)

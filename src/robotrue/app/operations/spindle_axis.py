@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Final
 from pydantic import Field
 
 from robotrue.app.context import Context
-from robotrue.app.operation import Operation
+from robotrue.app.operation import operation
 from robotrue.app.presentation import Facts, PlainResult, Text
 from robotrue.app.request import InputFile, Request
 from robotrue.app.request_fields import cell_output
@@ -45,6 +45,7 @@ class SpindleAxisRequest(Request):
     """With --cell: cell.toml to write, with this [tool]."""
 
 
+@operation()
 def run(request: SpindleAxisRequest, context: Context) -> PlainResult:
     """Fits the circle of the reflector and gives the spindle's axis in the flange.
 
@@ -165,6 +166,3 @@ def _facts(found: SpindleAxis) -> tuple[tuple[str, str], ...]:
         ("circle", f"radius {found.radius / MM:.4f} mm, {found.arc / DEG:.0f} deg of the turn"),
         ("scatter", f"{found.scatter / UM:.1f} um of one coordinate, {len(found.residual)} points"),
     )
-
-
-OPERATION: Final = Operation(request=SpindleAxisRequest, run=run)

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Final, TypeAlias
+from typing import TYPE_CHECKING, Annotated, TypeAlias
 
 from robotrue.app.context import Context
-from robotrue.app.operation import Operation
+from robotrue.app.operation import operation
 from robotrue.app.presentation import Facts, Note, PlainResult, count
 from robotrue.app.request import InputFile, Option, Request
 from robotrue.app.request_fields import table_output
@@ -48,8 +48,9 @@ class RecordInfoRequest(Request):
     skip_damage: SkipDamage = False
 
 
+@operation("record_info")
 def describe_record(request: RecordInfoRequest, context: Context) -> PlainResult:
-    """Reads a record once and counts what is in it.
+    """Check a record frame by frame and list its content.
 
     Raises:
         FormatError: No record, or damaged inside.
@@ -99,13 +100,6 @@ def describe_record(request: RecordInfoRequest, context: Context) -> PlainResult
     )
 
 
-RECORD_INFO: Final = Operation(
-    help="Check a record frame by frame and list its content.",
-    request=RecordInfoRequest,
-    run=describe_record,
-)
-
-
 class RecordExportRequest(Request):
     """Record and stream to export."""
 
@@ -117,8 +111,9 @@ class RecordExportRequest(Request):
     skip_damage: SkipDamage = False
 
 
+@operation("record_export")
 def export_stream(request: RecordExportRequest, context: Context) -> PlainResult:
-    """Writes one stream as CSV, whole or not at all.
+    """Write a stream of a record as CSV.
 
     Raises:
         ConfigurationError: Another stream than these.
@@ -151,8 +146,3 @@ def export_stream(request: RecordExportRequest, context: Context) -> PlainResult
         shown=(Note(f"{count(rows, 'row')} of {stream} in {output}"),),
         provenance=stream_provenance(record.header(), stream),
     )
-
-
-RECORD_EXPORT: Final = Operation(
-    help="Write a stream of a record as CSV.", request=RecordExportRequest, run=export_stream
-)

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Final
+from typing import TYPE_CHECKING, Annotated
 
 from robotrue.app.context import Context
-from robotrue.app.operation import Operation
+from robotrue.app.operation import operation
 from robotrue.app.presentation import Block, Facts, Note, PlainResult, Table, Text
 from robotrue.app.request import InputFile, Request
 from robotrue.app.request_fields import (
@@ -51,8 +51,9 @@ class ToolPointRequest(Request):
     tool_number: ToolNumber = TOOL_NUMBER
 
 
+@operation("tool_point")
 def find_point(request: ToolPointRequest, context: Context) -> PlainResult:
-    """Finds the tool point; the attitude of [tool] stays as it is.
+    """Find the tool point from touches of a calibrated table, or of one fixed point.
 
     Raises:
         ConfigurationError: A format of tools, or touches without joints or table.
@@ -149,13 +150,6 @@ def _point_blocks(
     )
 
 
-TOOL_POINT: Final = Operation(
-    help="Find the tool point from touches of a calibrated table, or of one fixed point.",
-    request=ToolPointRequest,
-    run=find_point,
-)
-
-
 class ToolAxisRequest(Request):
     """Touches for the tool axis, and their uncertainty."""
 
@@ -178,8 +172,9 @@ class ToolAxisRequest(Request):
     tool_number: ToolNumber = TOOL_NUMBER
 
 
+@operation("tool_axis")
 def find_axis(request: ToolAxisRequest, context: Context) -> PlainResult:
-    """Finds the axis; the tool point stays as it is.
+    """Find the tool axis from two gauges about a fixed point or on a table, or from squarings.
 
     Raises:
         ConfigurationError: Neither two gauges nor a plane, or a format of tools.
@@ -266,13 +261,6 @@ def _fit_axis(
         )
     sigma = request.square_sigma_deg * DEG
     return axis_on_plane(arm, files[0], normal, sigma=sigma, settings=settings), origin
-
-
-TOOL_AXIS: Final = Operation(
-    help="Find the tool axis from two gauges about a fixed point or on a table, or from squarings.",
-    request=ToolAxisRequest,
-    run=find_axis,
-)
 
 
 def _tool_texts(

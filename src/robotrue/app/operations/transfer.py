@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from robotrue.app.context import Context
-from robotrue.app.operation import Operation
+from robotrue.app.operation import operation
 from robotrue.app.outputs import check_output
 from robotrue.app.presentation import Block, Facts, Note, Table, count
 from robotrue.app.transfer_request import AUTO, TransferRequest, refuse_method_options
@@ -117,6 +117,7 @@ def _curve_table(curve: LearningCurve) -> Table:
     )
 
 
+@operation()
 def run(request: TransferRequest, context: Context) -> Transferred:
     """Lets what is known and what was measured compete; writes the model that wins.
 
@@ -254,6 +255,7 @@ def _write_page(
     context.write(path, report_html(content), "report")
 
 
+@run.saves
 def save(
     request: TransferRequest, result: Transferred, into: Transaction, context: WorkspaceContext
 ) -> Mapping[str, object]:
@@ -287,6 +289,3 @@ def save(
     )
     simulated = provenance_of_record(made).simulated
     return {"model": ref_document(made.ref), "method": made.method, "simulated": simulated}
-
-
-OPERATION: Final = Operation(request=TransferRequest, run=run, save=save)

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final
 
 from robotrue.app.context import Context
-from robotrue.app.operation import Operation
+from robotrue.app.operation import operation
 from robotrue.app.presentation import Block, Note, Table
 from robotrue.app.request import Item, Reference, Request
 from robotrue.app.request_fields import CalibratedModel, Columns, SavedPage
@@ -90,6 +90,7 @@ def _row(name: str, statistics: ErrorStatistics) -> tuple[str, ...]:
     return (name, *(f"{value / MM:.3f}" for value in values))
 
 
+@operation()
 def run(request: ValidateRequest, context: Context) -> Validated:
     """Predicts the poses and compares; writes the report page if requested."""
     from robotrue.app.data_doctor import find_warnings
@@ -120,6 +121,7 @@ def run(request: ValidateRequest, context: Context) -> Validated:
     return Validated(report=result, poses=len(rows), page=page, provenance=origin)
 
 
+@run.saves
 def save(
     request: ValidateRequest, result: Validated, into: Transaction, context: WorkspaceContext
 ) -> Mapping[str, object]:
@@ -134,6 +136,3 @@ def save(
     detail = marked_document(result.document(), result.provenance)
     files = [] if result.page is None else [result.page]
     return context.leave_document(into, "validation", model.name, files, links, detail)
-
-
-OPERATION: Final = Operation(request=ValidateRequest, run=run, save=save)

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING
 
 from robotrue.app.context import Context
-from robotrue.app.operation import Operation
+from robotrue.app.operation import operation
 from robotrue.app.presentation import Note, PlainResult
 from robotrue.app.request import Request
 
@@ -17,6 +17,7 @@ class WarmUpRequest(Request):
     """Nothing: all kernels are compiled."""
 
 
+@operation(has_document=False)
 def run(request: WarmUpRequest, context: Context) -> PlainResult:
     """Compensates a small program of the virtual cell, senses two samples, and saves neither.
 
@@ -85,6 +86,3 @@ def _sensing() -> Sensing:
         ),
     )
     return Sensing(models, SensingSettings())
-
-
-OPERATION: Final = Operation(request=WarmUpRequest, run=run, has_document=False)

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final
 
 from robotrue.app.context import Context
-from robotrue.app.operation import Operation
+from robotrue.app.operation import operation
 from robotrue.app.operations.workspace_items import item_result
 from robotrue.app.presentation import Facts, PlainResult, count
 from robotrue.app.request import InputFile, Option, Output, Request
@@ -29,8 +29,9 @@ class WorkspaceInitRequest(Request):
     """New or empty folder."""
 
 
+@operation("workspace_init")
 def make_workspace(request: WorkspaceInitRequest, context: Context) -> PlainResult:
-    """Makes a workspace.
+    """Create a workspace.
 
     Raises:
         ConfigurationError: The folder holds something, or its database does not answer.
@@ -42,11 +43,6 @@ def make_workspace(request: WorkspaceInitRequest, context: Context) -> PlainResu
         values = {"workspace": str(request.folder), "id": made.id, "database": database}
     context.inform(f"workspace made in {request.folder}; its database is {database}")
     return PlainResult(values=values)
-
-
-WORKSPACE_INIT: Final = Operation(
-    help="Create a workspace.", request=WorkspaceInitRequest, run=make_workspace
-)
 
 
 IMPORTED: Final = ("cell", "measurement", "model", "program")
@@ -71,8 +67,9 @@ class WorkspaceAddRequest(Request):
     folder: WorkspaceFolder = HERE
 
 
+@operation("workspace_add")
 def add_files(request: WorkspaceAddRequest, context: Context) -> PlainResult:
-    """Imports files as one item.
+    """Import files: they are copied and checked.
 
     Raises:
         ConfigurationError: Another noun, or as many files as it does not take.
@@ -128,13 +125,6 @@ def _import_measurements(
     return measurements.add(workspace, rows, name=name, raw=raw, cell=cell.ref, note=request.note)
 
 
-WORKSPACE_ADD: Final = Operation(
-    help="Import files: they are copied and checked.",
-    request=WorkspaceAddRequest,
-    run=add_files,
-)
-
-
 class WorkspaceExportRequest(Request):
     """File to export to."""
 
@@ -143,8 +133,9 @@ class WorkspaceExportRequest(Request):
     folder: WorkspaceFolder = HERE
 
 
+@operation("workspace_export")
 def export_workspace(request: WorkspaceExportRequest, context: Context) -> PlainResult:
-    """Writes the workspace to one file."""
+    """Write the whole workspace to one file."""
     from robotrue.store.exchange import export_project
     from robotrue.store.workspace import Workspace
 
@@ -162,13 +153,6 @@ def _tell_carried(
     return PlainResult(values={"file": str(file), "rows": carried.rows, "files": carried.files})
 
 
-WORKSPACE_EXPORT: Final = Operation(
-    help="Write the whole workspace to one file.",
-    request=WorkspaceExportRequest,
-    run=export_workspace,
-)
-
-
 class WorkspaceImportRequest(Request):
     """File to import."""
 
@@ -177,8 +161,9 @@ class WorkspaceImportRequest(Request):
     folder: WorkspaceFolder = HERE
 
 
+@operation("workspace_import")
 def import_workspace(request: WorkspaceImportRequest, context: Context) -> PlainResult:
-    """Imports an exported file.
+    """Import all items of an exported file; ids stay.
 
     Raises:
         ArchiveError: Another file, or a damaged one.
@@ -192,21 +177,15 @@ def import_workspace(request: WorkspaceImportRequest, context: Context) -> Plain
     return _tell_carried(carried, file, "new row", "imported from", context)
 
 
-WORKSPACE_IMPORT: Final = Operation(
-    help="Import all items of an exported file; ids stay.",
-    request=WorkspaceImportRequest,
-    run=import_workspace,
-)
-
-
 class WorkspaceVerifyRequest(Request):
     """Workspace to verify."""
 
     folder: WorkspaceFolder = HERE
 
 
+@operation("workspace_verify")
 def verify_workspace(request: WorkspaceVerifyRequest, context: Context) -> PlainResult:
-    """Reads every file and compares it with its hash.
+    """Read every file and compare it with its hash; exit 1 if anything is wrong.
 
     Raises:
         ArchiveError: Something is wrong.
@@ -241,13 +220,6 @@ def verify_workspace(request: WorkspaceVerifyRequest, context: Context) -> Plain
     )
 
 
-WORKSPACE_VERIFY: Final = Operation(
-    help="Read every file and compare it with its hash; exit 1 if anything is wrong.",
-    request=WorkspaceVerifyRequest,
-    run=verify_workspace,
-)
-
-
 SHOWN: Final = 20
 """Items that are named before the question."""
 
@@ -262,8 +234,9 @@ class WorkspaceEmptyBinRequest(Request):
     folder: WorkspaceFolder = HERE
 
 
+@operation("workspace_empty_bin")
 def empty_recycle_bin(request: WorkspaceEmptyBinRequest, context: Context) -> PlainResult:
-    """Shows the files to remove, asks for confirmation, and removes them.
+    """Remove old deleted items permanently, with files that no other item needs.
 
     Raises:
         ConfigurationError: No terminal to confirm at and no ``--yes``, or the answer was no.
@@ -322,10 +295,3 @@ def _discarded_items(items: Sequence[Discarded]) -> list[dict[str, str]]:
         {"noun": e.noun, "id": e.id, "name": e.name, "deleted": e.deleted.isoformat()}
         for e in items
     ]
-
-
-WORKSPACE_EMPTY_BIN: Final = Operation(
-    help="Remove old deleted items permanently, with files that no other item needs.",
-    request=WorkspaceEmptyBinRequest,
-    run=empty_recycle_bin,
-)

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final, TypeAlias
 
 from robotrue.app.context import Context
-from robotrue.app.operation import Operation
+from robotrue.app.operation import operation
 from robotrue.app.presentation import Block, Facts, PlainResult, Table, time_text
 from robotrue.app.request import Option, Request
 from robotrue.app.request_fields import HERE, OUTPUT, WorkspaceFolder
@@ -59,8 +59,9 @@ class WorkspaceListRequest(Request):
     folder: WorkspaceFolder = HERE
 
 
+@operation("workspace_list")
 def list_items(request: WorkspaceListRequest, context: Context) -> PlainResult:
-    """Returns a page of items, or the number of each noun.
+    """List the items.
 
     Raises:
         ConfigurationError: No workspace, or an invalid noun, field or condition.
@@ -137,11 +138,6 @@ def _parse_condition(text: str) -> tuple[str, str | int]:
     return field, value
 
 
-WORKSPACE_LIST: Final = Operation(
-    help="List the items.", request=WorkspaceListRequest, run=list_items
-)
-
-
 class WorkspaceShowRequest(Request):
     """Item and version to show."""
 
@@ -153,8 +149,9 @@ class WorkspaceShowRequest(Request):
     folder: WorkspaceFolder = HERE
 
 
+@operation("workspace_show")
 def show_item(request: WorkspaceShowRequest, context: Context) -> PlainResult:
-    """Returns one version of an item; copies its files if a folder is stated.
+    """Show one item: its content, its sources, its files.
 
     Raises:
         ConfigurationError: No such item or folder.
@@ -199,13 +196,6 @@ def _item_facts(noun: str, record: ItemRecord) -> tuple[tuple[str, str], ...]:
     )
 
 
-WORKSPACE_SHOW: Final = Operation(
-    help="Show one item: its content, its sources, its files.",
-    request=WorkspaceShowRequest,
-    run=show_item,
-)
-
-
 class WorkspaceHistoryRequest(Request):
     """Item whose history to show."""
 
@@ -216,8 +206,9 @@ class WorkspaceHistoryRequest(Request):
     folder: WorkspaceFolder = HERE
 
 
+@operation("workspace_history")
 def show_history(request: WorkspaceHistoryRequest, context: Context) -> PlainResult:
-    """Returns what was done, the newest first.
+    """Show the history of changes.
 
     Raises:
         ConfigurationError: No such item.
@@ -255,11 +246,6 @@ def show_history(request: WorkspaceHistoryRequest, context: Context) -> PlainRes
     )
 
 
-WORKSPACE_HISTORY: Final = Operation(
-    help="Show the history of changes.", request=WorkspaceHistoryRequest, run=show_history
-)
-
-
 class WorkspaceDeleteRequest(Request):
     """Item to delete."""
 
@@ -267,8 +253,9 @@ class WorkspaceDeleteRequest(Request):
     folder: WorkspaceFolder = HERE
 
 
+@operation("workspace_delete")
 def delete_item(request: WorkspaceDeleteRequest, context: Context) -> PlainResult:
-    """Deletes an item.
+    """Delete an item; `undo` restores it.
 
     Raises:
         ConfigurationError: No such item.
@@ -284,13 +271,6 @@ def delete_item(request: WorkspaceDeleteRequest, context: Context) -> PlainResul
     return item_result(noun, record)
 
 
-WORKSPACE_DELETE: Final = Operation(
-    help="Delete an item; `undo` restores it.",
-    request=WorkspaceDeleteRequest,
-    run=delete_item,
-)
-
-
 class WorkspaceUndoRequest(Request):
     """Item whose last change to undo."""
 
@@ -298,8 +278,9 @@ class WorkspaceUndoRequest(Request):
     folder: WorkspaceFolder = HERE
 
 
+@operation("workspace_undo")
 def undo_change(request: WorkspaceUndoRequest, context: Context) -> PlainResult:
-    """Reverts the last change of an item.
+    """Undo the last change of an item: its deletion, or its latest version.
 
     Raises:
         ConfigurationError: No such item, or nothing to take back.
@@ -314,13 +295,6 @@ def undo_change(request: WorkspaceUndoRequest, context: Context) -> PlainResult:
     state = "deleted again" if record.deleted else "as it was"
     context.inform(f"{noun} {record.name!r} is {state}, version {record.version}")
     return item_result(noun, record)
-
-
-WORKSPACE_UNDO: Final = Operation(
-    help="Undo the last change of an item: its deletion, or its latest version.",
-    request=WorkspaceUndoRequest,
-    run=undo_change,
-)
 
 
 def item_result(noun: str, record: ItemRecord, *shown: Block) -> PlainResult:

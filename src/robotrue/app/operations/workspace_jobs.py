@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Final, TypeAlias
 from robotrue.app.context import Context
 from robotrue.app.job_files import BLOCKS
 from robotrue.app.job_kinds import job_kinds
-from robotrue.app.operation import Operation
+from robotrue.app.operation import operation
 from robotrue.app.presentation import Block, Facts, PlainResult, Table, count, time_text
 from robotrue.app.request import Option, Request
 from robotrue.app.request_fields import HERE, WorkspaceFolder
@@ -41,8 +41,9 @@ class JobsSubmitRequest(Request):
     folder: WorkspaceFolder = HERE
 
 
+@operation("jobs_submit")
 def submit_job(request: JobsSubmitRequest, context: Context) -> PlainResult:
-    """Queues a job.
+    """Queue a job; a worker (`jobs run`, or the workbench) runs it.
 
     Raises:
         ConfigurationError: No such kind, or parameters it cannot have.
@@ -88,13 +89,6 @@ def _parameter_value(name: str, text: str) -> object:
     return text
 
 
-JOBS_SUBMIT: Final = Operation(
-    help="Queue a job; a worker (`jobs run`, or the workbench) runs it.",
-    request=JobsSubmitRequest,
-    run=submit_job,
-)
-
-
 class JobsListRequest(Request):
     """State of the jobs to list."""
 
@@ -105,8 +99,9 @@ class JobsListRequest(Request):
     folder: WorkspaceFolder = HERE
 
 
+@operation("jobs_list")
 def list_jobs(request: JobsListRequest, context: Context) -> PlainResult:
-    """Returns the jobs, the newest first.
+    """List the jobs with their progress.
 
     Raises:
         ConfigurationError: No such state.
@@ -143,11 +138,6 @@ def _job_row(job: Job) -> tuple[str, ...]:
     )
 
 
-JOBS_LIST: Final = Operation(
-    help="List the jobs with their progress.", request=JobsListRequest, run=list_jobs
-)
-
-
 class JobsShowRequest(Request):
     """Job to show."""
 
@@ -155,8 +145,9 @@ class JobsShowRequest(Request):
     folder: WorkspaceFolder = HERE
 
 
+@operation("jobs_show")
 def show_job(request: JobsShowRequest, context: Context) -> PlainResult:
-    """Returns one job.
+    """Show one job: parameters, remarks, result or error.
 
     Raises:
         ConfigurationError: No such job.
@@ -184,13 +175,6 @@ def _job_facts(job: Job) -> tuple[tuple[str, str], ...]:
     )
 
 
-JOBS_SHOW: Final = Operation(
-    help="Show one job: parameters, remarks, result or error.",
-    request=JobsShowRequest,
-    run=show_job,
-)
-
-
 class JobsCancelRequest(Request):
     """Job to cancel."""
 
@@ -198,8 +182,9 @@ class JobsCancelRequest(Request):
     folder: WorkspaceFolder = HERE
 
 
+@operation("jobs_cancel")
 def cancel_job(request: JobsCancelRequest, context: Context) -> PlainResult:
-    """Ends a job.
+    """Cancel a job and discard its results.
 
     Raises:
         ConfigurationError: No such job.
@@ -211,11 +196,6 @@ def cancel_job(request: JobsCancelRequest, context: Context) -> PlainResult:
         job = jobs.cancel(workspace, request.job)
     context.inform(f"job {job.id} is {job.state}" + ("" if job.over else " and will be cancelled"))
     return _job_result(job)
-
-
-JOBS_CANCEL: Final = Operation(
-    help="Cancel a job and discard its results.", request=JobsCancelRequest, run=cancel_job
-)
 
 
 class JobsRunRequest(Request):
@@ -230,8 +210,9 @@ class JobsRunRequest(Request):
     folder: WorkspaceFolder = HERE
 
 
+@operation("jobs_run", is_service=True)
 def run_jobs(request: JobsRunRequest, context: Context) -> PlainResult:
-    """Does jobs until Ctrl-C, or until nothing waits; returns the number of attempts."""
+    """Run queued jobs, each in its own process, until Ctrl-C."""
     import signal
     from threading import Event
 
@@ -251,14 +232,6 @@ def run_jobs(request: JobsRunRequest, context: Context) -> PlainResult:
     )
     context.inform(f"{count(attempts, 'attempt')} made")
     return PlainResult(values={"attempts": attempts})
-
-
-JOBS_RUN: Final = Operation(
-    help="Run queued jobs, each in its own process, until Ctrl-C.",
-    request=JobsRunRequest,
-    run=run_jobs,
-    is_service=True,
-)
 
 
 def _job_result(job: Job, *shown: Block) -> PlainResult:

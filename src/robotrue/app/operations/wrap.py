@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Final
 
 from robotrue.app.context import Context
-from robotrue.app.operation import Operation
+from robotrue.app.operation import operation
 from robotrue.app.outputs import check_output
 from robotrue.app.presentation import Block, Facts, PlainResult, Table
 from robotrue.app.wrap_request import LANGUAGES, WrapRequest
@@ -28,6 +28,7 @@ WORD_EDGE_DEG: Final = 0.5
 """By which a correction may turn an axis, for the note on configuration words."""
 
 
+@operation()
 def run(request: WrapRequest, context: Context) -> PlainResult:
     """Writes the module, and reports its residual and where to call it.
 
@@ -277,6 +278,3 @@ def _blocks(
     )
     table = Table(title="calls", columns=("place", "statement", "look at"), rows=rows, words=True)
     return (facts, table)
-
-
-OPERATION: Final = Operation(request=WrapRequest, run=run)
