@@ -10,6 +10,7 @@ import asyncio
 import signal
 import time
 from collections.abc import Awaitable, Callable, Mapping, Sequence
+from dataclasses import asdict
 from typing import TYPE_CHECKING, Annotated, Final, TypeAlias, TypeVar, cast
 
 from robotrue.app.context import Context
@@ -90,8 +91,6 @@ def run_until_stopped(
     Raises:
         ConfigurationError: No time at all.
     """
-    from dataclasses import asdict
-
     from robotrue.online.udp import prompt_answers
 
     if seconds is not None and not seconds > 0.0:

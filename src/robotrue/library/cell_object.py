@@ -21,6 +21,7 @@ from robotrue.core.provenance import Provenance
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ConfigurationError
 from robotrue.library.presented import Presented
+from robotrue.robot.forward import walk
 from robotrue.robot.presets import preset_names
 
 if TYPE_CHECKING:
@@ -85,7 +86,6 @@ class RobotCell(Presented):
     def plot(self) -> Picture:
         """Returns the arm with all joints at zero, from above and from the side."""
         from robotrue.library.pictures import draw_path, make_picture
-        from robotrue.robot.forward import walk
 
         robot = self.cell.robot
         walked = walk(robot, np.zeros((1, robot.dof)))

@@ -13,6 +13,7 @@ import numpy.typing as npt
 
 from robotrue.app.presentation import Block
 from robotrue.app.reporting import Message
+from robotrue.core.csv_text import csv_text
 from robotrue.core.provenance import Provenance, mark_line, provenance_from
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ConfigurationError, ShapeError
@@ -199,8 +200,6 @@ def place_columns(
     context: ObjectsContext, name: str, columns: Sequence[tuple[str, object]]
 ) -> Path:
     """Returns the CSV file of columns (n,); the numbers are written without rounding."""
-    from robotrue.core.csv_text import csv_text
-
     names = [column for column, _ in columns]
     values = [np.asarray(each, dtype=np.float64).tolist() for _, each in columns]
     path = context.new_file(name)

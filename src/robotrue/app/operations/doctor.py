@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import os
+import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from robotrue.app.context import Context
@@ -60,7 +63,6 @@ class _Library:
 def run(request: DoctorRequest, context: Context) -> PlainResult:
     """Changes nothing on this computer; every fault comes with its cure."""
     import platform
-    import sys
 
     needed, extras = _libraries()
     cache, compiled, writable = _kernel_cache()
@@ -159,9 +161,6 @@ def _look_up(requirement: Requirement) -> _Library:
 
 def _kernel_cache() -> tuple[str, int, bool]:
     """Returns the folder of the compiled kernels, their number, and whether it can be written."""
-    import os
-    from pathlib import Path
-
     from robotrue.compensation import inversion_kernels
 
     kernels = [

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from robotrue.app.context import Context
@@ -16,8 +17,6 @@ from robotrue.drilling.drill_defaults import FOOT_ABC_DEG, MODEL
 from robotrue.errors import ConfigurationError
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     from robotrue.core.arrays import Array
     from robotrue.drilling.adjust import HoleAdjustment
     from robotrue.drilling.foot_file import FootSetup

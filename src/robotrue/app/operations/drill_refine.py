@@ -9,7 +9,7 @@ from pydantic import Field
 
 from robotrue.app.context import Context
 from robotrue.app.operation import operation
-from robotrue.app.presentation import Note, PlainResult, Table, count
+from robotrue.app.presentation import Block, Note, PlainResult, Table, count
 from robotrue.app.request import InputFile, Request
 from robotrue.app.request_fields import DrillModel, FootModelOutput, ReferenceSigma, ZeroFoot
 from robotrue.core.units import DEG
@@ -17,7 +17,6 @@ from robotrue.drilling.drill_defaults import LIMIT_DEG, MODEL, REFERENCE_SIGMA_D
 from robotrue.errors import ConfigurationError
 
 if TYPE_CHECKING:
-    from robotrue.app.presentation import Block
     from robotrue.drilling.campaign_csv import ProductionRecord
     from robotrue.drilling.foot_model import NormalModel
     from robotrue.drilling.production_references import MemoryChoice

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+import math
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final
 
@@ -16,12 +17,9 @@ from robotrue.core.units import DEG, MM
 from robotrue.validation.validation_defaults import DRY_RUN_POINTS
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from robotrue.cell.cell import Cell
     from robotrue.compensation.difference import Difference
     from robotrue.core.arrays import Array, IntArray
-    from robotrue.core.provenance import Provenance
     from robotrue.measurement.formats.sheet import Sheet
     from robotrue.program.program import Program
     from robotrue.validation.dry_run_points import AxisErrors
@@ -225,8 +223,6 @@ def evaluate_dry_run(request: DryRunRequest, context: Context) -> PlainResult:
 
 
 def _run_document(errors: AxisErrors, missing: Sequence[str]) -> dict[str, object]:
-    import math
-
     return {
         "points": errors.count,
         "not_measured": list(missing),

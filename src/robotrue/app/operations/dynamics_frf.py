@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
+from math import nan
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -245,8 +246,6 @@ def _blocks(
 
 def _weights(fitted: ModalModel, k: int) -> list[complex]:
     """Static share of a mode in each direct pair, um/N."""
-    from math import nan
-
     out: list[complex] = []
     for axis in fitted.response_axes:
         if axis not in fitted.excitation_axes:

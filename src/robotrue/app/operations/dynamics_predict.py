@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -206,7 +207,5 @@ def _facts(
 
 def _by_axis(values: Array) -> str:
     """Returns the values of x, y and z; a dash where an axis has no response."""
-    from math import isfinite
-
     cells = zip("xyz", values, strict=True)
     return ", ".join(f"{a} {v:.3g}" if isfinite(v) else f"{a} -" for a, v in cells)

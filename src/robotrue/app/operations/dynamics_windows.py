@@ -17,14 +17,13 @@ from robotrue.app.request_fields import (
     StaticTest,
     table_output,
 )
-from robotrue.core.provenance import merge
+from robotrue.core.provenance import Provenance, merge
 from robotrue.core.units import MM, UM
 from robotrue.errors import ConfigurationError
 
 if TYPE_CHECKING:
     from robotrue.app.dynamics_inputs import ReadForce
     from robotrue.core.arrays import Array
-    from robotrue.core.provenance import Provenance
     from robotrue.dynamics.dry_run import DryRun
     from robotrue.dynamics.pass_windows import PassRecords
     from robotrue.dynamics.windows import WindowSet

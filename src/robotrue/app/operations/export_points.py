@@ -11,6 +11,8 @@ from robotrue.app.operation import operation
 from robotrue.app.presentation import PlainResult
 from robotrue.app.request import InputFile, Output, Request
 from robotrue.app.request_fields import OUTPUT, Columns
+from robotrue.core.files import sha256
+from robotrue.core.provenance import file_provenance, merge
 from robotrue.errors import FormatError
 
 if TYPE_CHECKING:
@@ -113,8 +115,6 @@ def _targets(path: Path) -> PointList:
     """Returns the Cartesian targets of a program, each in its work frame, named by their lines."""
     import numpy as np
 
-    from robotrue.core.files import sha256
-    from robotrue.core.provenance import file_provenance, merge
     from robotrue.measurement.formats.point_list import PointList
     from robotrue.program.formats import read_job
 

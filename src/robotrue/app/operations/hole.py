@@ -11,13 +11,12 @@ from robotrue.app.context import Context
 from robotrue.app.operation import operation
 from robotrue.app.presentation import Note, PlainResult, Table
 from robotrue.app.request import InputFile, Request
-from robotrue.core.provenance import merge, read_provenance
+from robotrue.core.provenance import Provenance, merge, read_provenance
 from robotrue.core.units import MM, UM
 from robotrue.validation.validation_defaults import HOLE_CENTRE_MM, PROBE_SIGMA_UM, WALL_MM
 
 if TYPE_CHECKING:
     from robotrue.core.arrays import Array
-    from robotrue.core.provenance import Provenance
     from robotrue.validation.hole_contour import HoleResult
 
 

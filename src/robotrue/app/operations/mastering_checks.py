@@ -11,6 +11,8 @@ from robotrue.app.operation import operation
 from robotrue.app.presentation import Block, Facts, Note, PlainResult, Table
 from robotrue.app.request import InputFile, Option, Request
 from robotrue.app.request_fields import CellOrModel, ToolSigma, TouchSigma, table_output
+from robotrue.core.files import write_atomic
+from robotrue.core.provenance import merge
 from robotrue.core.units import DEG, MM
 from robotrue.planning.plan_defaults import SEED
 from robotrue.validation.validation_defaults import (
@@ -55,7 +57,6 @@ def plan_postures(request: MasteringPlanRequest, context: Context) -> PlainResul
     from robotrue.app.registered import open_model, provenance_used
     from robotrue.app.touch_settings import settings_for_touches
     from robotrue.calibration.nominal import NominalModel
-    from robotrue.core.files import write_atomic
     from robotrue.planning.arm_scene import scene_of
     from robotrue.planning.mastering_postures import plan_mastering
     from robotrue.planning.order import travel
@@ -128,7 +129,6 @@ def check_zeros(request: MasteringRequest, context: Context) -> PlainResult:
     from robotrue.app.registered import open_model
     from robotrue.app.touch_settings import settings_for_touches
     from robotrue.calibration.nominal import NominalModel
-    from robotrue.core.provenance import merge
     from robotrue.measurement.formats.part_points import read_points
     from robotrue.robot.configuration import axis_relation
     from robotrue.validation.mastering import check_mastering

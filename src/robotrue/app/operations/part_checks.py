@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -91,8 +92,6 @@ def _fit_blank(
     request: BlankCheckRequest, cell: Cell, arm: ErrorModel, touches: ProbingSet
 ) -> BlankCheck:
     """The part in its blank, in the frame it will be cut in."""
-    from dataclasses import replace
-
     from robotrue.app.touch_settings import mesh_scale, registration_settings
     from robotrue.core.surfaces import read_mesh
     from robotrue.validation.blank import check_blank
@@ -120,7 +119,6 @@ def _fit_blank(
 
 
 def _shift_part(part: PartTable, check: BlankCheck) -> PartTable:
-    from dataclasses import replace
 
     from robotrue.core.poses import pose
     from robotrue.core.rotations import matrix_from_rotation_vector

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final, Literal
 
@@ -166,8 +167,6 @@ class PlannedTouches:
 
 
 def _mm(value: float) -> str:
-    from math import isfinite
-
     return f"{value / MM:.3f}" if isfinite(value) else "-"
 
 

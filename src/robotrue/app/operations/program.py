@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tempfile
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final
@@ -314,8 +315,6 @@ def _compensate(
     identity: ProgramIdentity | None,
 ) -> dict[str, object]:
     """Compensates the program as ``robotrue compensate`` does, from a temporary file."""
-    import tempfile
-
     from robotrue.calibration.model import identity_of
     from robotrue.calibration.nominal import NominalModel
     from robotrue.program.identity import write_identity

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -71,8 +72,6 @@ def run(request: RegisterRequest, context: Context) -> PlainResult:
         ConfigurationError: An invalid unit, format of frames or radius.
         ObservabilityError: Touches that do not fix the part.
     """
-    from dataclasses import replace
-
     from robotrue.app.registered import model_file_of, open_arm, registered_cell, relative_name
     from robotrue.app.registration_view import (
         frames_document,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final
 
@@ -10,12 +11,11 @@ from robotrue.app.operation import operation
 from robotrue.app.presentation import Facts, LiveView, Note, PlainResult, Table
 from robotrue.app.request import InputFile, Item, Reference, Request
 from robotrue.app.request_fields import CellFile
-from robotrue.core.provenance import mark_sentence, merge
+from robotrue.core.provenance import Provenance, mark_sentence, merge
 from robotrue.core.units import UM
 from robotrue.errors import ConfigurationError
 
 if TYPE_CHECKING:
-    from robotrue.core.provenance import Provenance
     from robotrue.online.clocks import ClockFix
     from robotrue.online.link import Health
     from robotrue.online.sense_settings import CorrectionSettings, SenseSettings
@@ -96,8 +96,6 @@ def run(request: SenseRunRequest, context: Context) -> PlainResult:
         RobotrueError: A file, address or limit that cannot be used, or a record that can no
             longer be whole.
     """
-    from dataclasses import replace
-
     from robotrue.online.sense_settings import marked_note, origins_of
     from robotrue.online.service_run import run_service
 
@@ -192,7 +190,6 @@ def _correction(request: SenseRunRequest) -> CorrectionSettings | None:
 
 
 def _result(shot: Snapshot, note: str, origin: Provenance) -> PlainResult:
-    from dataclasses import asdict
 
     from robotrue.online.service import snapshot_document
 

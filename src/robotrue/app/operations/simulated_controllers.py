@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import asyncio
+import time
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final
 
@@ -45,9 +47,6 @@ def simulate_rsi(request: SimulateRsiRequest, context: Context) -> PlainResult:
     Raises:
         ConfigurationError: A mode, cycle or fault that does not exist, or a faulty config file.
     """
-    import time
-    from dataclasses import replace
-
     from robotrue.online.robot_correction import CorrectionMode
     from robotrue.online.rsi_config import read_rsi_config, usual_rsi_config
     from robotrue.simulation import rsi_controller
@@ -107,8 +106,6 @@ def simulate_egm(request: SimulateEgmRequest, context: Context) -> PlainResult:
     Raises:
         ConfigurationError: A RobotWare or fault that does not exist.
     """
-    import time
-
     import numpy as np
 
     from robotrue.online.egm import RobotWare

@@ -12,14 +12,13 @@ from robotrue.app.operation import operation
 from robotrue.app.presentation import Facts, PlainResult, Text
 from robotrue.app.request import InputFile, Request
 from robotrue.app.request_fields import cell_output
-from robotrue.core.provenance import merge
+from robotrue.core.provenance import Provenance, merge
 from robotrue.core.units import DEG, MM, UM
 from robotrue.errors import ConfigurationError
 
 if TYPE_CHECKING:
     from robotrue.cell.spindle_axis import SpindleAxis
     from robotrue.core.arrays import Array
-    from robotrue.core.provenance import Provenance
 
 REFLECTOR_SIGMA_UM: Final = 15.0
 """Of one coordinate of a reflector, as a laser tracker measures it at a few metres."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, TypeAlias
 
@@ -55,8 +56,6 @@ def describe_record(request: RecordInfoRequest, context: Context) -> PlainResult
     Raises:
         FormatError: No record, or damaged inside.
     """
-    from collections import Counter
-
     from robotrue.online.csv_streams import stream_provenance
     from robotrue.online.record import StreamRecord
     from robotrue.online.record_frames import Kind

@@ -19,7 +19,7 @@ from robotrue.app.request_fields import (
     TouchSigma,
     cell_output,
 )
-from robotrue.core.provenance import merge
+from robotrue.core.provenance import Provenance, merge
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ConfigurationError
 from robotrue.validation.validation_defaults import SQUARE_DEG, TOOL_NUMBER, TOUCH_MM
@@ -28,7 +28,6 @@ if TYPE_CHECKING:
     from robotrue.calibration.model import ErrorModel
     from robotrue.cell.cell import Cell
     from robotrue.core.arrays import Array
-    from robotrue.core.provenance import Provenance
     from robotrue.validation.tool_calibration import CalibratedAxis, CalibratedTool
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from robotrue.app.context import Context
@@ -16,8 +17,6 @@ from robotrue.core.units import DEG, MM
 from robotrue.errors import ConfigurationError
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     from robotrue.calibration.model import ErrorModel
     from robotrue.compensation.fit_correction_table import FittedTable
     from robotrue.compensation.region_corrections import RegionArm
