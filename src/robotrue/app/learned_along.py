@@ -14,11 +14,7 @@ from robotrue.core.provenance import Provenance, merge
 from robotrue.core.units import UM
 from robotrue.dynamics.force import ForceRecord
 from robotrue.dynamics.interpolation import ResponseCurve
-from robotrue.dynamics.learned_deviation import (
-    DeviationPrediction,
-    LearnedDeviation,
-    WindowTrust,
-)
+from robotrue.dynamics.learned_deviation import DeviationPrediction, LearnedDeviation, WindowTrust
 from robotrue.dynamics.pass_windows import WINDOW, PassRecords, check_clocks, cut_windows
 from robotrue.dynamics.windows import WindowSet
 from robotrue.errors import ConfigurationError, ObservabilityError

@@ -8,12 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from robotrue.calibration.model import (
-    ErrorModel,
-    UnconditionalModel,
-    identity_of,
-    provenance_of,
-)
+from robotrue.calibration.model import ErrorModel, UnconditionalModel, identity_of, provenance_of
 from robotrue.calibration.nominal import NominalModel
 from robotrue.cell.cell import Cell, overlay_cell
 from robotrue.cell.cell_text import cell_text

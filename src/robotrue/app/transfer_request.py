@@ -5,21 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated, Final, Literal, TypeAlias
 
-from robotrue.app.request import (
-    IN_JOBS,
-    ON_COMMAND_LINE,
-    Item,
-    Option,
-    Reference,
-    Request,
-)
+from robotrue.app.request import IN_JOBS, ON_COMMAND_LINE, Item, Option, Reference, Request
 from robotrue.app.request_fields import ForeignColumns, ModelOutput, SavedPage
-from robotrue.calibration.deng2022.readings import (
-    BOOSTING,
-    AttitudeReading,
-    Boosting,
-    DengReadings,
-)
+from robotrue.calibration.deng2022.readings import BOOSTING, AttitudeReading, Boosting, DengReadings
 from robotrue.errors import ConfigurationError
 
 TransferMethod: TypeAlias = Literal["auto", "deng2022"]

@@ -21,12 +21,7 @@ from rich.table import Table
 from rich.text import Text
 
 from robotrue.core.json_values import json_values
-from robotrue.core.provenance import (
-    Provenance,
-    mark_sentence,
-    mark_title,
-    marked_document,
-)
+from robotrue.core.provenance import Provenance, mark_sentence, mark_title, marked_document
 
 stderr = Console(stderr=True, highlight=False)
 PIPED_WIDTH = 160

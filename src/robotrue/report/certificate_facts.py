@@ -15,11 +15,7 @@ from robotrue.core.provenance import Provenance, merge
 from robotrue.errors import ObservabilityError
 from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.measurement.tracker import DEFAULT_RANGE
-from robotrue.report.certificate import (
-    CertificateFacts,
-    Parameter,
-    check_regions,
-)
+from robotrue.report.certificate import CertificateFacts, Parameter, check_regions
 from robotrue.report.labels import fact
 from robotrue.report.model_view import list_geometric_errors, stiffness
 from robotrue.report.report_files import file_fact

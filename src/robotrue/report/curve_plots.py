@@ -16,17 +16,7 @@ from robotrue.core.columns import EMPTY, Column, Columns
 from robotrue.core.units import DEG, MM, UM
 from robotrue.errors import ShapeError
 from robotrue.report.content import Plot, nullable
-from robotrue.report.figure import (
-    AFTER,
-    BAD,
-    BAND,
-    BEFORE,
-    CAUTION,
-    GOOD,
-    INK,
-    MUTED,
-    Drawing,
-)
+from robotrue.report.figure import AFTER, BAD, BAND, BEFORE, CAUTION, GOOD, INK, MUTED, Drawing
 from robotrue.report.words import ReportTexts
 
 PEERS: Final = (

@@ -10,14 +10,7 @@ from robotrue.core.units import DEG, MM
 from robotrue.drilling.campaign import Campaign
 from robotrue.drilling.evaluate import TiltEvaluation
 from robotrue.drilling.foot_model import NormalModel, Residuals
-from robotrue.report.content import (
-    Conclusion,
-    Fact,
-    KeyFigure,
-    ReportContent,
-    ReportTable,
-    Section,
-)
+from robotrue.report.content import Conclusion, Fact, KeyFigure, ReportContent, ReportTable, Section
 from robotrue.report.curve_plots import TiltPlot
 from robotrue.report.labels import column, columns, fact, tile, versions
 from robotrue.report.words import Lang, ReportTexts

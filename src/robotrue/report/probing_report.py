@@ -9,14 +9,7 @@ from robotrue.core.provenance import Provenance
 from robotrue.core.units import DEG, MM
 from robotrue.planning.probing import ProbingTask
 from robotrue.planning.probing_plan import ProbePlan
-from robotrue.report.content import (
-    Conclusion,
-    Fact,
-    KeyFigure,
-    ReportContent,
-    ReportTable,
-    Section,
-)
+from robotrue.report.content import Conclusion, Fact, KeyFigure, ReportContent, ReportTable, Section
 from robotrue.report.curve_plots import PoseCurves, PoseSeries
 from robotrue.report.labels import axis_columns, plain_columns
 from robotrue.report.map_plots import PartMap

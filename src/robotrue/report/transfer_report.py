@@ -8,15 +8,7 @@ import numpy as np
 
 from robotrue.core.units import MM
 from robotrue.report.calibration_report import contest_section
-from robotrue.report.content import (
-    Cell,
-    Fact,
-    KeyFigure,
-    ReportContent,
-    ReportTable,
-    Section,
-    Tone,
-)
+from robotrue.report.content import Cell, Fact, KeyFigure, ReportContent, ReportTable, Section, Tone
 from robotrue.report.content import Conclusion as Line
 from robotrue.report.curve_plots import PoseCurves, PoseSeries
 from robotrue.report.labels import plain_columns

@@ -23,13 +23,7 @@ from robotrue.store.blobs import STAGED, sweep
 from robotrue.store.items import SHORTEST_ID
 from robotrue.store.locks import hold_alone
 from robotrue.store.nouns import MEASUREMENT, NOUNS, noun_of
-from robotrue.store.schema import (
-    AttachmentRow,
-    BlobRow,
-    ItemRow,
-    JobRow,
-    LinkRow,
-)
+from robotrue.store.schema import AttachmentRow, BlobRow, ItemRow, JobRow, LinkRow
 from robotrue.store.workspace import LOCK, Transaction, Workspace, now
 
 LONGEST: Final = 36500.0

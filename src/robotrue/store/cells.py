@@ -18,14 +18,7 @@ from robotrue.errors import ConfigurationError
 from robotrue.robot.model import nominal_identity
 from robotrue.store import items
 from robotrue.store.layout import copy_files
-from robotrue.store.nouns import (
-    CELL,
-    ROBOT,
-    TOOL,
-    CellRecord,
-    Noun,
-    R,
-)
+from robotrue.store.nouns import CELL, ROBOT, TOOL, CellRecord, Noun, R
 from robotrue.store.records import Ref, links_to
 from robotrue.store.workspace import Transaction, Workspace, transaction
 

@@ -23,17 +23,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import IO, BinaryIO, Final, cast
 
-from sqlalchemy import (
-    Connection,
-    DateTime,
-    MetaData,
-    Table,
-    func,
-    insert,
-    select,
-    tuple_,
-    update,
-)
+from sqlalchemy import Connection, DateTime, MetaData, Table, func, insert, select, tuple_, update
 from sqlalchemy.exc import SQLAlchemyError
 from sqlalchemy.orm import Session
 

@@ -84,10 +84,7 @@ def plan_check(request: DriftPlanRequest, context: Context) -> DriftPlan:
     """
     from robotrue.calibration.model import Query, provenance_of
     from robotrue.cell.cell import tracker_covariance
-    from robotrue.planning.discriminating_poses import (
-        choose_discriminating,
-        draw_drift_candidates,
-    )
+    from robotrue.planning.discriminating_poses import choose_discriminating, draw_drift_candidates
     from robotrue.planning.plan_sheets import drift_sheet
     from robotrue.robot.forward import forward
     from robotrue.validation.drift_check import cause_columns

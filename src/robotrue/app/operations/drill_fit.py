@@ -10,14 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from robotrue.app.context import Context
 from robotrue.app.operation import operation
 from robotrue.app.presentation import Block, Note, Table
-from robotrue.app.request import (
-    NOT_IN_FORMS,
-    ON_COMMAND_LINE,
-    InputFile,
-    Item,
-    Reference,
-    Request,
-)
+from robotrue.app.request import NOT_IN_FORMS, ON_COMMAND_LINE, InputFile, Item, Reference, Request
 from robotrue.app.request_fields import FootModelOutput
 from robotrue.core.provenance import Provenance
 from robotrue.core.units import DEG

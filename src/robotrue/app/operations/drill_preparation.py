@@ -37,12 +37,7 @@ class DrillZeroRequest(Request):
 def take_zero(request: DrillZeroRequest, context: Context) -> PlainResult:
     """Set the zero of a foot on its calibration tool, with its uncertainty."""
     from robotrue.drilling.foot_file import read_foot
-    from robotrue.drilling.foot_zero import (
-        check_exchange,
-        read_zero,
-        with_zero,
-        zero_residual,
-    )
+    from robotrue.drilling.foot_zero import check_exchange, read_zero, with_zero, zero_residual
 
     setup = read_foot(request.foot)
     found = read_zero(request.readings, setup)

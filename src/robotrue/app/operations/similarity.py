@@ -60,11 +60,7 @@ def run(request: SimilarityRequest, context: Context) -> PlainResult:
         ObservabilityError: A region without points, or too few of them correspond.
     """
     from robotrue.report.page import report_html
-    from robotrue.report.similarity_report import (
-        curves_csv,
-        similarities_csv,
-        similarity_content,
-    )
+    from robotrue.report.similarity_report import curves_csv, similarities_csv, similarity_content
     from robotrue.robot.forward import forward
     from robotrue.validation.region_similarity import compare_regions, count_cylinder_wins
 

@@ -228,12 +228,7 @@ def simulate_rdt(request: SimulateRdtRequest, context: Context) -> PlainResult:
     from robotrue.online.rdt import RdtDevice
     from robotrue.simulation.online_faults import parse_fault
     from robotrue.simulation.online_scenario import online_scenario
-    from robotrue.simulation.rdt_sensor import (
-        FAULTS,
-        RdtSensor,
-        RdtSensorSettings,
-        netftapi_page,
-    )
+    from robotrue.simulation.rdt_sensor import FAULTS, RdtSensor, RdtSensorSettings, netftapi_page
 
     settings = RdtSensorSettings(
         host=request.host,

@@ -17,12 +17,7 @@ from robotrue.core.units import MM
 from robotrue.errors import ImplausibleDataError
 from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.measurement.screening import screen
-from robotrue.report.model_view import (
-    StiffnessRow,
-    drive_errors,
-    list_geometric_errors,
-    stiffness,
-)
+from robotrue.report.model_view import StiffnessRow, drive_errors, list_geometric_errors, stiffness
 from robotrue.report.warning_groups import count_warnings
 from robotrue.robot.configuration import controller_axes
 from robotrue.robot.model import RobotModel
