@@ -26,13 +26,7 @@ class WrapRequest(Request):
 
     model: CalibratedModel
     output: Annotated[
-        Path,
-        Output(
-            names=OUTPUT,
-            what="a controller module",
-            suffixes=tuple(LANGUAGES),
-            only=True,
-        ),
+        Path, Output(names=OUTPUT, what="a controller module", suffixes=tuple(LANGUAGES), only=True)
     ]
     """Module to write: .src is KRL, with its .dat; .mod RAPID. Its name is the function's."""
     program: Annotated[tuple[Path, ...], InputFile()] = ()

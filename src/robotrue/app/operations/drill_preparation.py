@@ -27,8 +27,7 @@ class DrillZeroRequest(Request):
     readings: Annotated[Path, InputFile(argument="READINGS")]
     """raw1_mm, ... or raw1_counts, ... on the tool (CSV or workbook); seat names each mounting."""
     output: Annotated[
-        Path,
-        Output(names=OUTPUT, what="a foot file", suffixes=(".toml",), renews="foot"),
+        Path, Output(names=OUTPUT, what="a foot file", suffixes=(".toml",), renews="foot")
     ]
     """Foot file to write: FOOT with this zero."""
 

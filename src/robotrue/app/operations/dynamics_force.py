@@ -34,8 +34,7 @@ class DynamicsForceRequest(Request):
     cut: Annotated[Path, InputFile(argument="CUT")]
     """Cutter, cut and material (TOML)."""
     output: Annotated[
-        Path | None,
-        Output(names=OUTPUT, what="a force table", suffixes=(".csv", ".toml")),
+        Path | None, Output(names=OUTPUT, what="a force table", suffixes=(".csv", ".toml"))
     ] = None
     """Force record (CSV); with --along a table for `compensate --force`; with --slots the
     cutting data (TOML)."""

@@ -113,8 +113,7 @@ class ExportControllerRequest(ExportRequest):
     """Model to write as parameters of the controller."""
 
     output: Annotated[
-        Path,
-        Output(names=OUTPUT, what="a sheet of the controller", suffixes=(".txt", ".json")),
+        Path, Output(names=OUTPUT, what="a sheet of the controller", suffixes=(".txt", ".json"))
     ]
     """File to write."""
 

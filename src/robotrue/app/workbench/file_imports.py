@@ -29,8 +29,8 @@ from robotrue.measurement.formats.measured_files import open_sheet
 from robotrue.measurement.formats.sheet_file import read_sheet
 from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.measurement.plausibility import FEWEST_POSES
-from robotrue.store import cells, items, measurements, models
-from robotrue.store.nouns import CELL, MODEL, CellRecord, MeasurementRecord
+from robotrue.store import cells, items, measurements, models, programs
+from robotrue.store.nouns import CELL, MODEL, CellRecord, MeasurementRecord, ProgramRecord
 from robotrue.store.workspace import Workspace
 from robotrue.validation.validation_defaults import FEWEST_DRIFT_POSES
 
@@ -51,6 +51,11 @@ def import_cell(workspace: Workspace, paths: Sequence[Path], name: str) -> CellR
             read_bytes(cell).decode("utf-8-sig", "replace"), {p.name for p in paths}
         )
         return cells.add(workspace, cell, name=name or None)
+
+
+def import_program(workspace: Workspace, paths: Sequence[Path], name: str) -> ProgramRecord:
+    """Imports the files of a program as they are; returns its record."""
+    return programs.add(workspace, list(paths), name=name or None)
 
 
 def import_measurements(

@@ -1,237 +1,109 @@
-"""Calls of the workbench to the numeric libraries, run in a process next to its server.
+"""Functions of the workbench, for the processes next to its server that call them.
 
-The server imports this file and none of what it calls: each function imports its own when it runs.
-Answers for a script of a page are JSON text, everything else is a record of the store. Nothing is
-computed that a command would not compute the same.
+The server imports this file and none of the others: the process that calls a function imports its
+file. Answers for a script of a page are JSON text, everything else is a record of the store.
+Nothing is computed that a command would not compute the same.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from pathlib import Path
-from typing import Concatenate, ParamSpec, TypeVar
+from collections.abc import Callable
+from dataclasses import dataclass
+from importlib import import_module
+from typing import TYPE_CHECKING, Any, Concatenate, Generic, ParamSpec, TypeVar
 
-from robotrue.store.nouns import (
-    CellRecord,
-    DocumentRecord,
-    MeasurementRecord,
-    ProgramRecord,
-    RegistrationRecord,
-)
 from robotrue.store.workspace import Workspace
 
 P = ParamSpec("P")
 T = TypeVar("T")
 
 
-def list_presets() -> bytes:
-    """Returns every robot a cell can be made with, and the fields of the form of a cell."""
-    from robotrue.app.workbench.cell_editor import list_presets as answer
-
-    return answer()
-
-
-def describe_cell(form: Mapping[str, object]) -> bytes:
-    """Returns the cell.toml of a form, or what is wrong with which field."""
-    from robotrue.app.workbench.cell_editor import describe_cell as answer
-
-    return answer(form)
-
-
-def save_cell_text(
-    folder: str, text: str, name: str, id: str, version: int, companions: Sequence[Path] = ()
-) -> CellRecord:
-    """Returns the record of a cell.toml's text: a new cell, or a new version of one."""
-    from robotrue.app.workbench.cell_editor import save_cell_text as answer
-
-    return _ask(answer, folder, text, name, id, version, companions)
-
-
-def read_cell_text(folder: str, id: str, version: int) -> bytes:
-    """Returns the text of a cell's file."""
-    from robotrue.app.workbench.cell_editor import read_cell_text as answer
-
-    return _ask(answer, folder, id, version)
-
-
-def add_sample_project(folder: str) -> CellRecord:
-    """Returns the cell of a practice project that was added, with simulated poses and a program."""
-    from robotrue.app.workbench.sample_project import add_sample_project as answer
-
-    return _ask(answer, folder)
-
-
-def import_cell(folder: str, paths: Sequence[Path], name: str) -> CellRecord:
-    """Returns the record of a cell.toml and the files it names."""
-    from robotrue.app.workbench.file_imports import import_cell as answer
-
-    return _ask(answer, folder, paths, name)
-
-
-def import_program(folder: str, paths: Sequence[Path], name: str) -> ProgramRecord:
-    """Returns the record of a program's files as they are."""
-    from robotrue.store.programs import add
-
-    return _ask(add, folder, list(paths), name=name or None)
-
-
-def import_measurements(
-    folder: str, paths: Sequence[Path], name: str, cell: str, mapping: Mapping[str, object] | None
-) -> MeasurementRecord:
-    """Returns the record of measured poses, read and checked for plausibility."""
-    from robotrue.app.workbench.file_imports import import_measurements as answer
-
-    return _ask(answer, folder, paths, name, cell, mapping)
-
-
-def import_check_poses(
-    folder: str, paths: Sequence[Path], name: str, model: str
-) -> MeasurementRecord:
-    """Returns the record of a few poses measured again, in the cell that a model belongs to."""
-    from robotrue.app.workbench.file_imports import import_check_poses as answer
-
-    return _ask(answer, folder, paths, name, model)
-
-
-def import_drilling(folder: str, paths: Sequence[Path], name: str) -> DocumentRecord:
-    """Returns the record of a campaign with its foot, of a model, or of a journal."""
-    from robotrue.app.workbench.drilling_import import import_drilling as answer
-
-    return _ask(answer, folder, paths, name)
-
-
-def preview_file(
-    folder: str, paths: Sequence[Path], cell: str, mapping: Mapping[str, object] | None
-) -> bytes:
-    """Returns the columns of a file, how they would be read, and what is wrong with that."""
-    from robotrue.app.workbench.file_imports import preview_file as answer
-
-    return _ask(answer, folder, paths, cell, mapping)
-
-
-def show_model(folder: str, model: str, version: int) -> bytes:
-    """Returns the parameters of a model, their uncertainty, and those the data do not determine."""
-    from robotrue.app.workbench.model_views import show_model as answer
-
-    return _ask(answer, folder, model, version)
-
-
-def judge_measurement(
-    folder: str, measured: str, version: int, model: str, model_version: int
-) -> bytes:
-    """Returns the accuracy of a model on a set, its worst poses and screened rows."""
-    from robotrue.app.workbench.model_views import judge_measurement as answer
-
-    return _ask(answer, folder, measured, version, model, model_version)
-
-
-def list_rows(
-    folder: str, measured: str, version: int, sort: str, offset: int, limit: int
-) -> bytes:
-    """Returns some rows of a set: line of the file, joints in deg, position in mm."""
-    from robotrue.app.workbench.model_views import list_rows as answer
-
-    return _ask(answer, folder, measured, version, sort, offset, limit)
-
-
-def show_plan(folder: str, plan: str, version: int) -> bytes:
-    """Returns a plan as it was made, its scene, and how the instrument sees each pose."""
-    from robotrue.app.workbench.cell_scene import show_plan as answer
-
-    return _ask(answer, folder, plan, version)
-
-
-def judge_program(
-    folder: str,
-    program: str,
-    version: int,
-    model: str,
-    model_version: int,
-    tolerance_mm: float | None,
-    strict: bool,
-) -> bytes:
-    """Returns path, predicted errors, worst targets and verdict of a program."""
-    from robotrue.app.workbench.program_judgement import judge_program as answer
-
-    return _ask(answer, folder, program, version, model, model_version, tolerance_mm, strict)
-
-
-def draw_cell(folder: str, cell: str, version: int) -> bytes:
-    """Returns the scene of a cell without a model: arm and frames."""
-    from robotrue.app.workbench.cell_scene import draw_cell as answer
-
-    return _ask(answer, folder, cell, version)
-
-
-def draw_model(folder: str, model: str, version: int) -> bytes:
-    """Returns the scene of a model: its cell, measured errors, and the predicted field."""
-    from robotrue.app.workbench.cell_scene import draw_model as answer
-
-    return _ask(answer, folder, model, version)
-
-
-def draw_measurement(
-    folder: str, measured: str, version: int, model: str, model_version: int
-) -> bytes:
-    """Returns the scene of a set's errors before and after, by a model that need not know it."""
-    from robotrue.app.workbench.cell_scene import draw_measurement as answer
-
-    return _ask(answer, folder, measured, version, model, model_version)
-
-
-def begin_probing(folder: str, stated: Mapping[str, object]) -> DocumentRecord:
-    """Returns the record of a new probing session."""
-    from robotrue.app.workbench.probing_begin import begin_probing as answer
-
-    return _ask(answer, folder, stated)
-
-
-def show_probing(folder: str, id: str, version: int, feature: int) -> bytes:
-    """Returns a probing session: next point, expected reading, present estimate."""
-    from robotrue.app.workbench.probing_view import show_probing as answer
-
-    return _ask(answer, folder, id, version, feature)
-
-
-def enter_reading(folder: str, id: str, version: int, feature: int, text: str) -> DocumentRecord:
-    """Returns the session with one more reading; held, if it is not as expected."""
-    from robotrue.app.workbench.probing_entry import enter_reading as answer
-
-    return _ask(answer, folder, id, version, feature, text)
-
-
-def decide_reading(
-    folder: str, id: str, version: int, decision: str, feature: int
-) -> DocumentRecord:
-    """Returns the session after keep, retake, skip or undo."""
-    from robotrue.app.workbench.probing_entry import decide_reading as answer
-
-    return _ask(answer, folder, id, version, decision, feature)
-
-
-def import_readings(folder: str, id: str, version: int, path: Path) -> DocumentRecord:
-    """Returns the session with the readings of a file; those not as expected are set aside."""
-    from robotrue.app.workbench.probing_entry import import_readings as answer
-
-    return _ask(answer, folder, id, version, path)
-
-
-def finish_probing(folder: str, id: str, version: int, name: str) -> RegistrationRecord:
-    """Returns the record of the registration that a session's readings give."""
-    from robotrue.app.workbench.probing_entry import finish_probing as answer
-
-    return _ask(answer, folder, id, version, name)
-
-
-def write_readings(folder: str, id: str) -> bytes:
-    """Returns the readings that count, as the file that ``robotrue register`` reads."""
-    from robotrue.app.workbench.probing_entry import write_readings as answer
-
-    return _ask(answer, folder, id)
-
-
-def _ask(
-    answer: Callable[Concatenate[Workspace, P], T], folder: str, *args: P.args, **kwargs: P.kwargs
-) -> T:
-    with Workspace.open(folder) as workspace:
-        return answer(workspace, *args, **kwargs)
+@dataclass(frozen=True, slots=True)
+class LateFunction:
+    """A function whose file is imported when it is called."""
+
+    file: str
+    name: str
+
+    def __call__(self, *args: object, **kwargs: object) -> Any:
+        """Returns what the function returns."""
+        module = import_module(f"robotrue.app.workbench.{self.file}")
+        return getattr(module, self.name)(*args, **kwargs)
+
+
+@dataclass(frozen=True, slots=True)
+class LateFile:
+    """A file of this folder, in place of the import of it."""
+
+    file: str
+
+    def __getattr__(self, name: str) -> LateFunction:
+        return LateFunction(self.file, name)
+
+
+@dataclass(frozen=True, slots=True)
+class InWorkspace(Generic[P, T]):
+    """A function of an open workspace, called with the folder of the workspace."""
+
+    function: Callable[Concatenate[Workspace, P], T]
+
+    def __call__(self, folder: str, *args: P.args, **kwargs: P.kwargs) -> T:
+        """Returns what the function returns."""
+        with Workspace.open(folder) as workspace:
+            return self.function(workspace, *args, **kwargs)
+
+
+if TYPE_CHECKING:  # so that the arguments of each call are checked
+    from robotrue.app.workbench import (
+        cell_editor,
+        cell_scene,
+        drilling_import,
+        file_imports,
+        model_views,
+        probing_begin,
+        probing_entry,
+        probing_view,
+        program_judgement,
+        sample_project,
+    )
+else:
+    cell_editor = LateFile("cell_editor")
+    cell_scene = LateFile("cell_scene")
+    drilling_import = LateFile("drilling_import")
+    file_imports = LateFile("file_imports")
+    model_views = LateFile("model_views")
+    probing_begin = LateFile("probing_begin")
+    probing_entry = LateFile("probing_entry")
+    probing_view = LateFile("probing_view")
+    program_judgement = LateFile("program_judgement")
+    sample_project = LateFile("sample_project")
+
+list_presets = cell_editor.list_presets
+describe_cell = cell_editor.describe_cell
+save_cell_text = InWorkspace(cell_editor.save_cell_text)
+read_cell_text = InWorkspace(cell_editor.read_cell_text)
+add_sample_project = InWorkspace(sample_project.add_sample_project)
+
+import_cell = InWorkspace(file_imports.import_cell)
+import_program = InWorkspace(file_imports.import_program)
+import_measurements = InWorkspace(file_imports.import_measurements)
+import_check_poses = InWorkspace(file_imports.import_check_poses)
+import_drilling = InWorkspace(drilling_import.import_drilling)
+preview_file = InWorkspace(file_imports.preview_file)
+
+show_model = InWorkspace(model_views.show_model)
+judge_measurement = InWorkspace(model_views.judge_measurement)
+list_rows = InWorkspace(model_views.list_rows)
+judge_program = InWorkspace(program_judgement.judge_program)
+show_plan = InWorkspace(cell_scene.show_plan)
+draw_cell = InWorkspace(cell_scene.draw_cell)
+draw_model = InWorkspace(cell_scene.draw_model)
+draw_measurement = InWorkspace(cell_scene.draw_measurement)
+
+begin_probing = InWorkspace(probing_begin.begin_probing)
+show_probing = InWorkspace(probing_view.show_probing)
+enter_reading = InWorkspace(probing_entry.enter_reading)
+decide_reading = InWorkspace(probing_entry.decide_reading)
+import_readings = InWorkspace(probing_entry.import_readings)
+finish_probing = InWorkspace(probing_entry.finish_probing)
+write_readings = InWorkspace(probing_entry.write_readings)

@@ -110,7 +110,9 @@ def router(server: ServerContext) -> APIRouter:
     @routes.post("/measurements", tags=["items"], status_code=201)
     async def add_measurements(asked: Measured) -> dict[str, object]:
         """Measured poses, read and checked for plausibility."""
-        call = functools.partial(calls.import_measurements, cell=asked.cell, mapping=asked.mapping)
+        call = functools.partial(
+            calls.import_measurements, cell_id=asked.cell, mapping=asked.mapping
+        )
         return record_document(await import_files(server, call, asked), "measurement")
 
     @routes.post("/drift-checks", tags=["drift checks"], status_code=202)
@@ -119,7 +121,7 @@ def router(server: ServerContext) -> APIRouter:
         for each in asked.uploads:
             find_upload(server.workspace, each)
         await asyncio.to_thread(get_item, server.workspace, MODEL.name, asked.model)
-        call = functools.partial(calls.import_check_poses, model=asked.model)
+        call = functools.partial(calls.import_check_poses, model_id=asked.model)
         made = await import_files(server, call, asked)
         return await start_job(server, "drift", {"model": asked.model, "measurements": [made.id]})
 
