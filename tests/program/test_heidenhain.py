@@ -170,6 +170,17 @@ def test_corrected_ends_that_no_circle_joins_are_not_written() -> None:
     ]
 
 
+def test_a_whole_circle_is_not_written_as_the_short_arc_between_its_ends() -> None:
+    program = of(f"{FIRST}\nCC X+50.0 Y+2.0\nC X+1.0 Y+2.0 DR+")
+    assert reasons(program) == [Reason.NONE] * 3
+    with pytest.raises(ConfigurationError, match=r"part\.nc:6: .* whole circle lie apart"):
+        written(program, [[0.0, 0.5, 0.0], [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]])
+    assert written(program, [[0.0, 500.0, 0.0]] * 3)[1:] == [
+        "4 CC X+50.0 Y+2.500",
+        "5 C X+1.0 Y+2.500 DR+",
+    ]
+
+
 def test_a_head_for_people_and_blocks_with_an_n() -> None:
     head = "( Einrichtblatt\n(   TOOL CALL 9 Z\n0 ;\nBEGIN PGM 01 MM\nN1 TOOL CALL 1 Z\nN2 M128\n"
     program = read(

@@ -59,9 +59,9 @@ class Operation(Generic[Q, R]):
 
     request: type[Q]
     run: Run[Q, R]
+    has_document: bool
+    is_service: bool
     save: Save[Q, R] | None = None
-    has_document: bool = True
-    is_service: bool = False
 
     def __call__(self, request: Q, context: Context) -> R:
         """Returns the result of a request."""

@@ -149,14 +149,14 @@ class _ShiftFlow(ControlFlow):
         self._iterate(sets)
         entries = self._find_entries()
 
-        def shifted(place: int) -> bool:
+        def is_shifted(place: int) -> bool:
             here = int(np.searchsorted(starts, place, side="right")) - 1
             last = int(np.searchsorted(at, place, side="right")) - 1
             if last >= 0 and node[last] == here:
                 return bool(values[last])
             return any(self._middle[entry][here] for entry in entries[self._routine[here]])
 
-        return shifted
+        return is_shifted
 
     def _iterate(self, sets: Mapping[int, bool]) -> None:
         """Finds the states before and after the calls of every node, by how its job is entered."""

@@ -18,7 +18,7 @@ from robotrue.core.rotations import rotation_vector_from_matrix
 from robotrue.core.units import DEG, MM, UM
 from robotrue.errors import ConfigurationError
 from robotrue.program.formats.apt_arcs import MISS
-from robotrue.program.formats.gcode_arcs import Centre, PlaneArcs, middles, moved_words
+from robotrue.program.formats.gcode_arcs import ACROSS, Centre, PlaneArcs, middles, moved_words
 from robotrue.program.formats.number_table import Numbers, put_stretches, respell_tokens
 from robotrue.program.formats.number_text import Stretch, respell_word, restyle
 from robotrue.program.formats.path_kernels import decimals_of, owed_words
@@ -166,15 +166,28 @@ def _arcs(
 def _require_circles(
     program: Program, words: PathWords, arcs: PlaneArcs, points: Array, stirred: BoolArray
 ) -> None:
-    """Refuses an arc that the control would refuse: its ends at two distances from its centre."""
-    _, miss = middles(arcs, points)
+    """Refuses an arc that the control would refuse, or run the other part of its circle."""
+    middle, miss = middles(arcs, points)
     off = np.where(stirred, miss * words.unit[arcs.end], 0.0)
-    if (off <= MISS).all():
+    flat = ACROSS[arcs.plane][:, :2]
+    start, wanted, written = (
+        np.take_along_axis(each, flat, axis=1)
+        for each in (points[arcs.start], points[arcs.via], middle)
+    )
+    # A whole circle whose ends come apart is a short arc if its end now lies before its start.
+    other = np.hypot(*(written - wanted).T) > 0.5 * np.hypot(*(wanted - start).T)
+    other &= stirred
+    if (off <= MISS).all() and not other.any():
         return
-    worst = int(np.argmax(off))
+    worst = int(np.argmax(np.where(other, np.inf, off)))
+    what = (
+        "the corrected ends of the whole circle lie apart, and the arc between them is another"
+        if other[worst]
+        else f"the corrected ends of the arc lie {off[worst] / MM:.3f} mm off one circle, at most "
+        f"{MISS / MM:g} mm is an arc to the control"
+    )
     raise ConfigurationError(
-        f"the corrected ends of the arc lie {off[worst] / MM:.3f} mm off one circle, at most "
-        f"{MISS / MM:g} mm is an arc to the control.",
+        f"{what}.",
         source=program.name,
         line=int(program.line[arcs.end[worst]]),
         hint="compensate --split writes it as lines.",
