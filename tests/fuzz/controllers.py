@@ -52,7 +52,7 @@ class Move(NamedTuple):
     The target is None if components are left out. ``follows``: the motion itself computes it, from
     another, with a function that shifts targets. ``step``: what it adds to where the robot is,
     which no correction may change. ``told``: columns of its matrix that the program states.
-    ``arc``: that of whose middle it is.
+    ``arc``: that of whose middle it is. ``within``: coordinates that the motion can state.
     """
 
     base: np.ndarray
@@ -63,6 +63,7 @@ class Move(NamedTuple):
     step: np.ndarray = np.zeros(0)
     told: tuple[int, ...] = (0, 1, 2)
     arc: Arc | None = None
+    within: tuple[int, ...] = (0, 1, 2)
 
     def miss(self, goal: np.ndarray) -> tuple[float, float]:
         """How far the motion ends from a goal: m, and elements of a matrix or rad of an axis."""
@@ -70,7 +71,7 @@ class Move(NamedTuple):
         apart = np.abs(self.target - goal)
         if goal.ndim == 1:
             return 0.0, float(apart.max())
-        place = self.arc.miss(goal[:3, 3]) if self.arc else float(apart[:3, 3].max())
+        place = self.arc.miss(goal[:3, 3]) if self.arc else float(apart[list(self.within), 3].max())
         turn = 0.0 if self.via else float(apart[:3, list(self.told)].max(initial=0.0))
         return place, turn
 

@@ -19,6 +19,8 @@ from typing import NamedTuple
 sys.path.insert(0, str(Path(__file__).parent))
 
 import numpy as np
+from apt_controller import AptController
+from apt_flow_programs import AptFlowWriter
 from controllers import Controller, Move
 from fanuc_controller import FanucController
 from fanuc_flow_programs import FanucFlowWriter
@@ -26,6 +28,8 @@ from fanuc_gcode_controller import FanucGcodeController
 from fanuc_gcode_flow_programs import FanucGcodeFlowWriter
 from gcode_controller import GcodeController
 from gcode_flow_programs import GCODE_FRAMES
+from heidenhain_controller import HeidenhainController
+from heidenhain_flow_programs import HeidenhainFlowWriter
 from jbi_controller import JbiController
 from jbi_flow_programs import JbiFlowWriter
 from krl_controller import KrlController
@@ -39,11 +43,13 @@ from urscript_controller import UrController
 from urscript_flow_programs import UrFlowWriter
 from val3_controller import Val3Controller
 from val3_flow_programs import Val3FlowWriter
-from written import TABLE, Pen
+from written import FRAME, TABLE, Pen
 
-from robotrue.core.poses import inverse
+from robotrue.core.poses import inverse, pose_from_xyz_abc
 from robotrue.core.rotations import matrix_from_abc
+from robotrue.core.units import DEG
 from robotrue.errors import ConfigurationError
+from robotrue.program.orientation import OrientationRule
 from robotrue.program.program import FrameTable, Program, Reason, Replacement
 
 WAYS, RUNS = 6, 3
@@ -55,7 +61,7 @@ millimetre."""
 FOLLOWING = (
     "targets computed from it move with its correction", "INC moves by a step",
     "IMOV moves by a step", "relative (G91)", "IC counts from the point before",
-    "makes its own moves",
+    "makes its own moves", "an incremental coordinate", "GODLTA/ is a step",
 )  # fmt: skip
 """Notes of a program: such a target is near its correction, not at it."""
 Files = Mapping[str, str]
@@ -73,6 +79,19 @@ def _runs(kind: type[GcodeController]) -> Callable[[Files, np.random.Generator],
     return lambda files, rng: kind(files, GCODE_FRAMES, rng)
 
 
+TIPS = {
+    name: pose_from_xyz_abc(np.array([0.0, 0.0, length]), np.zeros(3))
+    for name, length in (("T1", 0.08), ("T1.1", 0.2), ("T2", 0.12), ("MILL", 0.17))
+}
+PATHS = replace(
+    TABLE,
+    T_base_frame=FRAME,
+    bases={"preset 1": FRAME @ TIPS["T2"], "preset 2": np.eye(4)},
+    tools=TIPS,
+    orientation=OrientationRule(angles="rpy", spin=20.0 * DEG),
+)
+"""Tools along the axis: where the flange is does not depend on what a tool axis leaves open."""
+PATH_FRAMES = {"base": {**PATHS.bases, "": FRAME}, "tool": {**PATHS.tools, "": np.eye(4)}}
 FRAMES = {"base": TABLE.bases, "tool": TABLE.tools}
 EXECUTED = {
     "krl": Executed(
@@ -92,6 +111,16 @@ EXECUTED = {
     ),
     "fanuc_gcode": Executed(
         lambda pen: FanucGcodeFlowWriter(pen).job(), _runs(FanucGcodeController), GCODE_FRAMES
+    ),
+    "heidenhain": Executed(
+        lambda pen: HeidenhainFlowWriter(pen).job(),
+        lambda files, rng: HeidenhainController(files, PATH_FRAMES, rng),
+        PATHS,
+    ),
+    "apt": Executed(
+        lambda pen: AptFlowWriter(pen).job(),
+        lambda files, rng: AptController(files, PATH_FRAMES, rng),
+        PATHS,
     ),
     "rapid": Executed(lambda pen: RapidFlowWriter(pen).job(), RapidController),
     "val3": Executed(lambda pen: Val3FlowWriter(pen).job(), Val3Controller),

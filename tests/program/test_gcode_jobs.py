@@ -260,3 +260,17 @@ def test_a_shift_below_a_call_in_a_loop() -> None:
     files = [("a.mpf", f"{HEAD['sinumerik']}{loop}M30\n".encode()), ("SUB1.spf", _FULL.encode())]
     program = find_language("sinumerik").read_job(files, frames=TABLE)[1]
     assert program.reason.tolist() == [Reason.UNKNOWN_FRAME]
+
+
+def test_a_shift_that_a_called_program_begins_may_be_in_force_behind_the_call() -> None:
+    full = b"L X+1.0 Y+2.0 Z+3.0 A+0.0 B+0.0 C+0.0 R0"
+    again = b"TOOL CALL 1 Z\nM128\nCYCL DEF 247 Q339=+2\nTRANS DATUM RESET\n"
+    table = FrameTable(
+        bases={"preset 2": np.eye(4)}, tools={"1": np.eye(4)}, orientation=TABLE.orientation
+    )
+    for tilt, reason in (b"PLANE SPATIAL SPA+9 SPB+0 SPC+0 STAY\n", Reason.INCOMPLETE), (b"", 0):
+        main = b"BEGIN PGM A MM\nCALL PGM SUB\n" + again + full + b"\nEND PGM A MM\n"
+        sub = b"BEGIN PGM SUB MM\n" + tilt + full + b"\nEND PGM SUB MM\n"
+        files = (("a.h", main), ("sub.h", sub))
+        program, _ = find_language("heidenhain").read_job(files, frames=table)
+        assert program.reason.tolist() == [reason]

@@ -111,6 +111,10 @@ def test_conversational_blocks_take_no_words_they_do_not_know() -> None:
         ("CALL PGM B\nL X+1.0 Y+1.0 Z+1.0 A+0 B+0 C+0", Reason.INCOMPLETE),
         ("FN 9: IF +Q1 EQU +1 GOTO LBL 5\nL X+1.0 Y+1.0 Z+1.0 A+0", Reason.INCOMPLETE),
         ("APPR LT X+1 Y+1 LEN10\nL X+1.0", Reason.INCOMPLETE),
+        ("TOOL CALL 1.1 Z\nL X+1.0 Y+1.0 Z+1.0 A+0 B+0 C+0", Reason.UNKNOWN_FRAME),
+        ("PLANE RESET TURN FMAX\nL X+1.0 Y+1.0 Z+1.0", Reason.INCOMPLETE),
+        ("TRANS DATUM TABLE TABLINE5\nL X+1.0 Y+1.0 Z+1.0", Reason.UNKNOWN_FRAME),
+        ("L X+5.0 M89\nL X+1.0 Y+1.0 Z+1.0 A+0 B+0 C+0", Reason.UNKNOWN_FRAME),
     ],
 )
 def test_what_is_not_compensated(block: str, reason: Reason) -> None:
@@ -126,6 +130,76 @@ def test_shifts_that_are_taken_back() -> None:
     back = "CYCL DEF 7.0 DATUM SHIFT\nCYCL DEF 7.1 X+0\nCYCL DEF 7.2 Y+0"
     assert reasons(of(f"{shift}\n{FIRST}\n{back}\n{FIRST}")) == [Reason.UNKNOWN_FRAME, Reason.NONE]
     assert reasons(of(f"PLANE RESET STAY\n{FIRST}")) == [Reason.NONE]
+
+
+@pytest.mark.parametrize(
+    ("shift", "part"),
+    [
+        ("CYCL DEF 7.0\nCYCL DEF 7.1 X+5\nCYCL DEF 7.2 Y+5", "CYCL DEF 7.0\nCYCL DEF 7.1 X+0"),
+        ("CYCL DEF 7.0\nCYCL DEF 7.1 X+5", "CYCL DEF 7.0\nCYCL DEF 7.1 IX+0"),
+        ("TRANS DATUM AXIS X+5", "TRANS DATUM AXIS Y+0"),
+        ("TRANS MIRROR AXIS X", "TRANS ROTATION RESET"),
+        ("CYCL DEF 10.0\nCYCL DEF 10.1 ROT+30", "CYCL DEF 10.0\nCYCL DEF 10.1 IROT+0"),
+        ("CYCL DEF 10.0\nCYCL DEF 10.1 ROT+30\nLBL 1", "TRANS DATUM RESET"),
+    ],
+)
+def test_shifts_that_are_taken_back_in_part(shift: str, part: str) -> None:
+    again = "TOOL CALL 1 Z\nM128\nCYCL DEF 247 DATUM SETTING Q339=+2"
+    table = FrameTable(bases={"preset 2": np.eye(4)}, tools=TABLE.tools, orientation=RULE)
+    program = of(f"{FIRST}\n{shift}\n{part}\n{again}\n{FIRST} R0", table)
+    assert reasons(program)[0] == Reason.NONE
+    assert reasons(program)[1] in (Reason.UNKNOWN_FRAME, Reason.INCOMPLETE)
+
+
+def test_datum_shifts_of_two_words_are_one() -> None:
+    assert reasons(of(f"TRANS DATUM AXIS X+5\nCYCL DEF 7.0\nCYCL DEF 7.1 X+0\n{FIRST}")) == [
+        Reason.NONE
+    ]
+
+
+def test_a_pole_of_an_arc_and_a_polar_point_stays() -> None:
+    program = of(f"{FIRST}\nCC X+6.0 Y+2.0\nC X+11.0 Y+2.0 DR+\n{FIRST}\nLP PR+10 PA+20")
+    assert all(each != Reason.NONE for each in reasons(program)[1:3])
+
+
+def test_words_are_put_where_their_block_takes_them() -> None:
+    text = f"{FIRST}\nL Y+5.0\nL X+Q1 R0 FMAX\nLN X+3.0 NX+0 NY+0 NZ+1 F100"
+    turn = matrix_from_abc(np.array([0.1, 0.0, 0.0]) * DEG)
+    lines = written(of(text), [[100, 0, 0], [200, 10, 0], [0, 0, 0], [100, 0, 30]], turn)
+    assert lines[1] == "4 L Y+5.010 X+1.200"
+    assert lines[2] == "5 L X+Q1 Y+5.0 C+0.0 R0 FMAX"
+    assert lines[3] == "6 LN X+3.100 Z+3.030 NX+0 NY+0 NZ+1 F100"  # no rotary word
+    head = "0 BEGIN PGM A MM\n1 TOOL CALL 1 Z\n2 M129\n"
+    axis = of("L X+1.0 Y+2.0 Z+3.0\nLN Z+4.0 TX+0.0 TY+0.6 TZ+0.8", head=head)
+    assert written(axis, [[100, 0, 0]] * 2)[1] == "4 LN Z+4.0 X+1.0 TX+0.0 TY+0.6 TZ+0.8"
+
+
+def test_what_blocks_cannot_hold_is_told() -> None:
+    program = of(f"{FIRST}\nCC X+6.0 Y+2.0\nC X+11.0 Y+2.0 DR+\nLN X+3.0 NX+0 NY+0 NZ+1")
+    turn = matrix_from_abc(np.array([0.1, 0.0, 0.0]) * DEG)
+    change = moved(program, np.array([[0, 0, 0], [0, 0, 20], [0, 0, 40], [0, 0, 0]]) * 1e-6, turn)
+    told = find_language("heidenhain").losses(program, change)
+    (level,) = (each for each in told if "height" in each.text)
+    assert (level.count, level.line) == (1, 6)
+    assert level.worst == pytest.approx(40.0)
+    assert [each.count for each in told if "turn" in each.text] == [2]  # of C and of LN
+
+
+def test_what_is_taken_over_across_a_jump_stays() -> None:
+    text = f"{FIRST}\nL X+2.0\nCALL LBL 1\n{FIRST}\nM30\nLBL 1\nL Y+5.0\nLBL 0"
+    assert reasons(of(text))[:2] == [Reason.NONE, Reason.INCOMPLETE]
+    full = f"{FIRST}\nL X+2.0\nCALL LBL 1\nM30\nLBL 1\n{FIRST}\nLBL 0"
+    assert reasons(of(full))[1] == Reason.NONE
+
+
+def test_r0_ends_the_radius_of_the_tool_in_plain_lines() -> None:
+    program = of(f"{FIRST}\nL X+2.0 RL\n{FIRST} R0 FMAX\n{FIRST}")
+    assert reasons(program)[2:] == [Reason.NONE] * 2
+
+
+def test_angles_that_a_block_left_alone_takes_over_and_cannot_write_stay() -> None:
+    program = of(f"{FIRST}\nLN X+1.0 Y+2.0 Z+Q1 NX+0 NY+0 NZ+1\n{FIRST}")
+    assert reasons(program) == [Reason.INCOMPLETE, Reason.EXPRESSION, Reason.NONE]
 
 
 def test_refused() -> None:

@@ -55,6 +55,49 @@ def test_axes_are_kept_until_the_next() -> None:
     np.testing.assert_allclose(RULE.axes_of(tilted.rotation)[0], [0, 0.6, 0.8], atol=1e-15)
 
 
+@pytest.mark.parametrize("word", ["FROM/9,9,9,0,0.6,0.8", "GODLTA/1,0,0,0,0.6,0.8"])
+def test_an_axis_is_kept_from_a_start_and_a_step(word: str) -> None:
+    program = apt(f"GOTO/1,2,3,0,0,1\n{word}\nGOTO/4,5,6")
+    np.testing.assert_allclose(RULE.axes_of(program.rotation)[-1], [0, 0.6, 0.8], atol=1e-15)
+
+
+def test_a_locked_axis_keeps_its_numbers_and_takes_none() -> None:
+    program = apt("GOTO/1,2,3,0,0.6,0.8\nMULTAX/OFF\nGOTO/4.000,5,6\nGOTO/7.000,8,9,0,0.6,0.8")
+    assert reasons(program) == [Reason.NONE] * 3
+    lines = written(program, [[100, 0, 0]] * 3, TILT)
+    assert lines[4:6] == ["GOTO/4.100,5,6", "GOTO/7.100,8,9,0,0.6,0.8"]
+    change = moved(program, np.zeros((3, 3)), TILT)
+    (told,) = find_language("apt").losses(program, change)
+    assert told.worst == pytest.approx(0.1, rel=1e-3)
+    unlocked = apt("GOTO/1,2,3,0,0.6,0.8\nMULTAX/OFF\nGOTO/4.000,5,6\nMULTAX/ON\nGOTO/7.000,8,9")
+    assert written(unlocked, [[100, 0, 0]] * 3, TILT)[6].startswith("GOTO/7.100,8,9")
+
+
+def test_an_axis_nobody_wrote_is_put_in_as_finely_as_it_is_printed() -> None:
+    program = apt("FROM/9,9,9,0,0.6,0.8\nGOTO/1.000,2,3\nGOTO/4.000,5,6")
+    turns = np.stack([matrix_from_abc(np.array([0.0, 0.0, k]) * DEG) for k in (0.10, 0.12)])
+    change = moved(program, np.zeros((2, 3)), turns)
+    lines = find_language("apt").write(program, change).decode().split("\n")
+    assert lines[3] != "GOTO/1.000,2,3"
+    assert lines[4] != "GOTO/4.000,5,6"  # 0.02 deg apart from the one before
+
+
+def test_the_start_of_an_arc_of_an_unread_record_stays() -> None:
+    program = apt("GOTO/1,2,3\nGOTO/4,5,6\nMOVARC/5,5,6,0,0,1,1,ANGLE,90\nGOTO/5,6,6")
+    assert reasons(program)[:2] == [Reason.NONE, Reason.EXPRESSION]
+
+
+def test_tools_of_a_table_are_those_of_the_cell() -> None:
+    table = FrameTable(tools={"T1": np.eye(4)}, orientation=RULE)
+    text = b"x_mm,y_mm,z_mm,tool\n1.0,2.0,3.0,T1\n4.0,5.0,6.0,\n7.0,8.0,9.0,T2\n"
+    program = read("toolpath_csv", text, table)
+    assert reasons(program) == [Reason.NONE, Reason.NONE, Reason.UNKNOWN_FRAME]
+    assert program.tool.tolist() == [1, 1, 0]
+    assert any("tool T2 is not in the frame table" in note for note in program.notes)
+    one = text.replace(b"T2", b"T1")
+    assert reasons(read("toolpath_csv", one, FrameTable(orientation=RULE))) == [Reason.NONE] * 3
+
+
 def test_numbers_are_rewritten_in_place() -> None:
     program = apt("GOTO  /  1.000,  2.000,\t3.000 $$ a\nGOTO/4.5,$\n 5.0, -.25000,0,0.0,1.00000")
     assert written(program, [[100, 0, 0], [0, 30, 30]])[2:5] == [

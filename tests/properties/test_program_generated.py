@@ -18,7 +18,7 @@ from mutated import damaged
 from written import Pen
 
 WHOLE, DAMAGED, RUN = 25, 100, 25
-FEW = {"fanuc_gcode": 3, "sinumerik": 5}
+FEW = {"fanuc_gcode": 3, "sinumerik": 5, "heidenhain": 12, "apt": 12}
 """Programs of many motions: fewer are executed."""
 
 

@@ -51,6 +51,8 @@ UNREAD_MOTIONS: Final = {
     "POCKET": "makes its own motions",
     "MACRO": "is part of an APT source",
     "CALL": "is part of an APT source",
+    "DEFSUB": "begins a subroutine",
+    "CALSUB": "repeats points",
     "LOOPST": "is part of an APT source",
     "JUMPTO": "is part of an APT source",
     "GO": "is a motion along surfaces",

@@ -23,6 +23,7 @@ from robotrue.program.formats.apt_statements import (
 from robotrue.program.formats.gcode_arcs import no_arcs
 from robotrue.program.formats.number_table import Numbers, NumberTable
 from robotrue.program.formats.number_text import WHOLE_NUMBER
+from robotrue.program.formats.path_tools import find_named_tools
 from robotrue.program.formats.path_words import PathWords, Turn, poses, tool_axes
 from robotrue.program.formats.shared_fate import share_fate
 from robotrue.program.formats.target_notes import TargetNotes
@@ -38,6 +39,7 @@ _PLAIN: Final = re.compile(
 )
 """A line that is nothing but a point of three or six numbers."""
 _ONE: Final = (b"", b"", b"", b",", b",", b",")
+_ARCS: Final = ("MOVARC", "NURBS")
 _UP: Final = (0.0, 0.0, 1.0)
 _MODES: Final = {"CYCLE": "a cycle moves at every point", "CUTCOM": "moved sideways by CUTCOM/"}
 
@@ -111,6 +113,7 @@ class _Part(NamedTuple):
     unit: Array
     reason: IntArray
     tool: IntArray
+    locked: BoolArray
 
 
 class _Reader:
@@ -118,8 +121,8 @@ class _Reader:
         self.data, self.name = data, name
         self.starts: IntArray = line_starts(data)
         self.unit, self.told_unit = MM, False
-        self.axis: tuple[float, float, float] = _UP
-        self.by_axis = False
+        self.axis: tuple[float, ...] = _UP
+        self.by_axis = self.locked = False
         self.systems = AxisSystems(name)
         self.lost: str = ""
         self.relative = False
@@ -140,8 +143,14 @@ class _Reader:
         word = head.partition(",")[0].partition(" ")[0]
         if head == "GOTO":
             self._goto(statement)
-        elif head == "GODLTA":
-            self._row(statement, [], Reason.RELATIVE, "GODLTA/ is a step")
+        elif head in ("FROM", "GODLTA"):
+            if len(arguments) == 6 and all(map(is_number, arguments[3:])):
+                self.axis = tuple(map(to_number, arguments[3:]))
+                self.by_axis = True
+            if head == "GODLTA":
+                self._row(statement, [], Reason.RELATIVE, "GODLTA/ is a step")
+        elif head == "MULTAX":
+            self.locked = arguments[:1] == ("OFF",)
         elif head == "UNITS":
             self._units(statement)
         elif head == "TLAXIS":
@@ -164,6 +173,7 @@ class _Reader:
         elif word == "MODE" and "INCR" in arguments:
             self.relative = True
         elif word in UNREAD_MOTIONS:
+            self.arc = self.arc or word in _ARCS  # its start makes another arc, too
             self._lose(f"{word} in line {statement.line} {UNREAD_MOTIONS[word]}")
 
     def _lose(self, why: str) -> None:
@@ -303,9 +313,13 @@ class _Reader:
         reason: IntArray,
     ) -> None:
         n = len(line)
+        if self.locked:  # an axis here is to be the one that is locked: it keeps its numbers
+            start = start.copy()
+            start[:, 3:] = -1
         turn = np.where(by_axis, int(Turn.VECTOR), int(Turn.FIXED))
         unit, tool = np.full(n, self.unit), np.full(n, self.tool)
-        self.parts.append(_Part(line, start, length, value, turn, unit, reason, tool))
+        locked = np.full(n, self.locked)
+        self.parts.append(_Part(line, start, length, value, turn, unit, reason, tool, locked))
         self.count += n
 
     def program(self, frames: FrameTable) -> Program:
@@ -315,14 +329,15 @@ class _Reader:
                 "no GOTO/: the file has no point.", source=self.name, line=1,
                 hint="output CL data (APT source) from the CAM system.",
             )  # fmt: skip
-        line, start, length, value, turn, unit, reason, of_tool = (
+        line, start, length, value, turn, unit, reason, of_tool, locked = (
             np.concatenate(each) for each in zip(*self.parts, strict=True)
         )
         n, notes = len(line), TargetNotes(self.name, line)
         fixed = turn == Turn.FIXED
         value[fixed, 3:] = tool_axes(value[fixed, 3:])
         position, rotation, axes = poses(value, unit, turn, frames.orientation, line)
-        tool, tools = self._tools(frames, of_tool, reason, notes)
+        names = {number: called for called, number in self.tools.items()}
+        tool, tools = find_named_tools(frames, of_tool, names, reason, notes)
         self._close(frames, reason, position, rotation, notes)
         share_fate(reason, self.groups)
         self._tell(notes)
@@ -339,7 +354,7 @@ class _Reader:
             spans=PathWords(
                 numbers=Numbers(start=start, length=length, value=printed),
                 value=value, unit=unit, turn=turn, skip=np.zeros(n, np.bool_), at=at,
-                barred=np.zeros((n, 6), np.bool_), names=(_ONE,) * 4, blank=False,
+                barred=locked[:, None] & (np.arange(6) > 2), names=(_ONE,) * 4, blank=False,
                 rule=frames.orientation, arcs=no_arcs(), marks=np.empty((n, 0, 2), np.int64),
             ),
         )  # fmt: skip
@@ -362,27 +377,6 @@ class _Reader:
             )
         elif turned.any():
             notes.rows(turned, "a tool axis not of length 1")
-
-    def _tools(
-        self, frames: FrameTable, used: IntArray, reason: IntArray, notes: TargetNotes
-    ) -> tuple[IntArray, Array]:
-        """The tool of the cell for a file with one; of several each must be in the table."""
-        names = {number: name for name, number in self.tools.items()}
-        given = {key.strip().upper(): matrix for key, matrix in frames.tools.items()}
-        tools = [np.asarray(frames.T_flange_tool, dtype=np.float64)]
-        index = np.zeros(len(used), np.int64)
-        several = len(np.unique(used)) > 1
-        for number in np.unique(used).tolist():
-            name = names.get(number, "").strip().upper()
-            if name in given:
-                index[used == number] = len(tools)
-                tools.append(np.asarray(given[name], dtype=np.float64))
-            elif several:
-                rows = (used == number) & (reason == Reason.NONE)
-                reason[rows] = Reason.UNKNOWN_FRAME
-                called = f"tool {name}" if name else "the tool before any LOADTL/"
-                notes.rows(rows, f"{called} is not in the frame table")
-        return index, np.array(tools)
 
     def _tell(self, notes: TargetNotes) -> None:
         if not self.told_unit:

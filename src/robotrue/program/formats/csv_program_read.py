@@ -11,6 +11,7 @@ from robotrue.errors import FormatError, ImplausibleDataError
 from robotrue.program.formats.gcode_arcs import no_arcs
 from robotrue.program.formats.number_table import Numbers
 from robotrue.program.formats.path_kernels import find_cell_numbers
+from robotrue.program.formats.path_tools import find_named_tools
 from robotrue.program.formats.path_words import PathWords, Turn, poses
 from robotrue.program.formats.target_notes import TargetNotes
 from robotrue.program.formats.text_lines import line_starts, require_text
@@ -47,14 +48,14 @@ def read_csv_program(data: bytes, name: str, frames: FrameTable) -> Program:
     if rule.spin is None:
         reason[~odd] = Reason.INCOMPLETE
         notes.rows(~odd, "only the tool axis is stated: state [controller] spin_deg in the cell")
+    used, names = table.words("tool", "")
+    tool, tools = find_named_tools(frames, used, dict(enumerate(names)), reason, notes)
     return Program(
         name=name, dialect="toolpath_csv", data=data, position=position, rotation=rotation,
         axes=axes, motion=np.full(n, int(Motion.LIN)), reason=reason,
         words=np.empty((n, 0), np.int64), words_of="", line=path.line,
-        frame=np.zeros(n, np.int64), tool=np.zeros(n, np.int64),
-        T_base_frame=np.asarray(frames.T_base_frame)[None],
-        T_flange_tool=np.asarray(frames.T_flange_tool)[None], notes=notes.notes(),
-        noted=notes.on_lines(),
+        frame=np.zeros(n, np.int64), tool=tool, T_base_frame=np.asarray(frames.T_base_frame)[None],
+        T_flange_tool=tools, notes=notes.notes(), noted=notes.on_lines(),
         spans=PathWords(
             numbers=numbers, value=value, unit=unit, turn=turn, skip=np.zeros(n, np.bool_),
             at=np.full(n, -1), barred=np.ones((n, 6), np.bool_), names=(_NAMES,) * 4, blank=False,

@@ -44,6 +44,8 @@ class Findings:
         shifts: Coordinate shifts in force.
         moved: Those that may be in force, also behind calls and jumps.
         ever_moved: Any is in force anywhere.
+        begun: Those that are in force anywhere.
+        elsewhere: Those that may be in force behind any call or jump, by programs of the job.
         breaks: Blocks behind which the modal state is uncertain, with whether any is ``moved``.
         jumps: Those of them that branch, repeat, or have a label.
         entries: Blocks that jumps lead to.
@@ -69,6 +71,8 @@ class Findings:
     shifts: dict[str, bool] = field(default_factory=dict)
     moved: set[str] = field(default_factory=set)
     ever_moved: bool = False
+    begun: set[str] = field(default_factory=set)
+    elsewhere: frozenset[str] = frozenset()
     breaks: list[tuple[int, bool]] = field(default_factory=list)
     jumps: list[int] = field(default_factory=list)
     entries: list[int] = field(default_factory=list)
@@ -119,7 +123,9 @@ class Findings:
         self.shifts[kind] = on
         (self.moved.add if on else self.moved.discard)(kind)
         self.ever_moved |= on
-        behind = not self.moved.issubset(self.shifts)  # a call or jump, and not ended since
+        self.begun |= {kind} if on else set()
+        maybe = self.moved | self.elsewhere if self.breaks else self.moved
+        behind = not maybe.issubset(self.shifts)  # a call or jump, and not ended since
         lasting = int(any(self.shifts.values()))
         self.set(block, Modal.SHIFTED, lasting or (OPEN if behind else 0))
 

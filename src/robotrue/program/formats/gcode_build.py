@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from typing import Final
 
@@ -40,6 +41,8 @@ from robotrue.program.orientation import OrientationRule
 from robotrue.program.program import FrameTable, Motion, Program, Reason, find_open
 
 INCH: Final = 25.4 * MM
+_NORMAL: Final = re.compile(rb"(?im)^[ \t]*+N?\d*+[ \t]*+LN\b")
+_COMPUTED: Final = re.compile(rb"(?i)(?<=[ \t])I?[XYZABC][ \t]*[+-]?Q[LRS]?\d+")
 _TURNS: Final = (WordColumn.A, WordColumn.AX)
 
 
@@ -257,6 +260,7 @@ class ProgramBuilder:
         lacking = np.concatenate([~told[1], turns & ~(angles | vector)], axis=1)
         lacking |= (rows.force[:, Modal.MOTION] == Drive.CYCLE)[:, None]
         lost = (self._behind() < 0)[:, None] | np.isnan(rows.value)
+        lost[:, 3:] |= self._find_normals()[:, None]
         heir = ~find_open(own) & ~relative & (rows.turn != Turn.AXES) & (lacking & lost).any(axis=1)
         fixed = np.where(relative & ~mixed, -1, np.arange(len(own)))
         flags = self.blocks.findings.flags
@@ -276,16 +280,15 @@ class ProgramBuilder:
             ends: Those before calls and jumps, too.
             last: And that of the program.
         """
-        own = reason[place]
-        heirs, before = self._find_heirs()
         ends_here = self.stretch[1:] != self.stretch[:-1]
         ends_here[-1:] |= last
-        donor = np.append(before[:, heirs], before[:, 1:][:, ends_here & ends])
-        donor = donor[donor >= 0]
-        donor = np.unique(donor[find_open(own[donor])])
-        which = np.zeros(len(own), np.bool_)
-        which[donor] = True
-        reason[place[donor]] = Reason.INCOMPLETE
+        which, fresh = np.zeros(len(place), np.bool_), True
+        while fresh:  # one that is kept may take over words, too
+            heirs, before = self._find_heirs()
+            donor = np.append(before[:, heirs], before[:, 1:][:, ends_here & ends])
+            donor = donor[donor >= 0]
+            donor = np.unique(donor[find_open(reason[place[donor]])])
+            reason[place[donor]], which[donor], fresh = Reason.INCOMPLETE, True, bool(len(donor))
         self.notes.rows(
             which,
             "not compensated either: the next point is not compensated and takes over words from "
@@ -319,7 +322,8 @@ class ProgramBuilder:
 
     def _behind(self) -> IntArray:
         """Returns the byte (m,) after the last word of each row, -1 where none may be inserted."""
-        mine = np.flatnonzero((self.blocks.column < WordColumn.J1) & (self.blocks.start >= 0))
+        last = WordColumn.AX if self.vocabulary.signs[3] else WordColumn.J1
+        mine = np.flatnonzero((self.blocks.column < last) & (self.blocks.start >= 0))
         rows = np.full(len(self.blocks.first), -1)
         rows[self.rows.block] = np.arange(len(self.rows.block))
         place = rows[self.blocks.block[mine]]
@@ -329,7 +333,9 @@ class ProgramBuilder:
         for row in np.flatnonzero(out < 0).tolist():  # all its words are computed
             block = self.rows.block[row]
             first, end = int(self.blocks.first[block]), int(self.blocks.end[block])
-            out[row] = first + len(self.blocks.data[first:end].rstrip())
+            text = self.blocks.data[first:end].rstrip()
+            words = list(_COMPUTED.finditer(text)) if self.vocabulary.signs[3] else []
+            out[row] = first + (words[-1].end() if words else len(text))
         out[(self.rows.turn == Turn.AXES) | self._find_closed()] = -1
         return np.asarray(out)
 
@@ -348,10 +354,20 @@ class ProgramBuilder:
         out = np.zeros((arcs.spread.count, 6), np.bool_)
         if self.vocabulary.signs[3]:
             there = self.words.numbers((WordColumn.AX, WordColumn.AY, WordColumn.AZ))[1].any(axis=1)
-            out[:, 3:] = arcs.spread.rows_of((self.rows.turn == Turn.VECTOR) & ~there)[:, None]
+            short = ~there & ((self.rows.turn == Turn.VECTOR) | self._find_normals())
+            out[:, 3:] = arcs.spread.rows_of(short)[:, None]
             out[arcs.ends, 3:] = True
             third = ACROSS[arcs.spread.rows_of(self.rows.force[:, Modal.PLANE])[arcs.ends], 2]
             out[arcs.ends, third] = True
+        return out
+
+    def _find_normals(self) -> BoolArray:
+        """Returns the rows (m,) of LN blocks, which take no rotary word."""
+        blocks, out = self.blocks, np.zeros(len(self.rows.block), np.bool_)
+        if self.vocabulary.signs[3] and _NORMAL.search(blocks.data):
+            for row in np.flatnonzero(self.rows.turn == Turn.ANGLES).tolist():
+                at = int(blocks.first[self.rows.block[row]])
+                out[row] = bool(_NORMAL.match(blocks.data, at))
         return out
 
     def _blank(self) -> bool:

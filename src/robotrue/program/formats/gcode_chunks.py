@@ -53,7 +53,7 @@ class BlockSurvey(SpliceSurvey):
     ) -> None:
         super().__init__(name, targets, frames)
         self._vocabulary = vocabulary
-        self._tip = 0
+        self._tip = self._sideways = 0
         self._jumps = False
 
     def _print_mode(self, mode: int) -> bytes:
@@ -63,7 +63,7 @@ class BlockSurvey(SpliceSurvey):
         edges = line_edges(data)
         count, odd = len(edges) - 1, np.zeros(len(edges), np.bool_)
         blocks = scan_blocks(data, self.name, self._vocabulary, partial(self._read_odd, odd))
-        self._jumps |= bool(blocks.findings.targets)
+        self._jumps |= bool(blocks.findings.targets or blocks.findings.jumps)
         place = np.full((WordColumn.TU + 1, count), -1)
         place[blocks.column, blocks.block] = np.arange(len(blocks.block))
         there = place >= 0
@@ -72,7 +72,12 @@ class BlockSurvey(SpliceSurvey):
         tip = _fill(state[:, Modal.TIP], self._tip)
         self._tip = int(tip[-1]) if count else self._tip
         point = there[[*_POINT, *_ANGLES, *_AXIS]].any(axis=0)
-        event = odd[:count] | (state[:, Modal.MOTION + 1 :] != NO_STATE).any(axis=1)
+        stated, side = state != NO_STATE, state[:, Modal.SIDEWAYS]
+        force = _fill(side, self._sideways)
+        before = np.append(self._sideways, force)[:-1]
+        stated[:, Modal.SIDEWAYS] &= (side != 0) | (before != 0)  # R0 in many lines says nothing
+        self._sideways = int(force[-1]) if count else self._sideways
+        event = odd[:count] | stated[:, Modal.MOTION + 1 :].any(axis=1)
         event |= (there.any(axis=0) & ~point) | np.delete(there, _PLAIN, axis=0).any(axis=0)
         event |= motion < 0
         straight = (motion == Drive.RAPID) | (motion == Drive.LINE)
@@ -91,7 +96,7 @@ class BlockSurvey(SpliceSurvey):
     def judge(self, skeleton: Program, others: Sequence[tuple[str, bytes]]) -> Whole | None:
         """Returns why the file cannot be cut, if so; counts the targets that are not plain."""
         if self._jumps:
-            return Whole(why="it jumps to block numbers")
+            return Whole(why="it jumps, or has labels")
         return super().judge(skeleton, others)
 
     def _read_odd(self, odd: BoolArray, vocabulary: Vocabulary, found: Findings) -> Take:

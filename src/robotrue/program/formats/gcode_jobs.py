@@ -223,20 +223,21 @@ def _state_at(
 
     Calls and jumps before it leave it uncertain. It is then the last one above, of the programs
     called since too if they state it; what is not in the job changes none. Where the caller
-    jumps, all above must state one value.
+    jumps, all that it states and calls must be one value.
     """
     blocks, k = found[call.caller], call.caller
     for block in (call.block, max(call.block - 1, 0)):  # the call makes its own uncertain
         if force[k][block, group] != UNCERTAIN:
             return int(force[k][block, group])
     jumps = bool(blocks.findings.jumps)
-    stated = _list_certain(blocks, group, slice(0, call.block), jumps)
+    upto = len(blocks.first) if jumps else call.block
+    stated = _list_certain(blocks, group, slice(0, upto), jumps)
     since = stated[0][0] if stated else call.block * jumps
     values = {value for _, value in stated}
     if not stated or (jumps and blocks.findings.breaks[0][0] < since):
         values.add(0)
     for each in calls:
-        if each.caller == k and since <= each.block < call.block:
+        if each.caller == k and (jumps or since <= each.block < call.block):
             theirs = found[each.called]
             ends = _list_certain(theirs, group, slice(1, None), bool(theirs.findings.jumps))
             values |= {_rename(value, group, theirs, blocks) for _, value in ends}

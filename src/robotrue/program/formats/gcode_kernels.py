@@ -18,6 +18,8 @@ NO_STATE: Final = -2
 """A block that does not set a group."""
 CODES: Final = 10000
 """Codes are tenths: G43.4 is 434."""
+SIDEWAYS: Final = 6
+"""Of the groups, that of the radius of the tool."""
 INDICES: Final = 14
 """Second index of an address: 0 for none, 1 + digit (A3=), 11 to 13 for X, Y, Z after it (NX)."""
 
@@ -151,6 +153,8 @@ def read_blocks(
                     state[row, kind] = setting[which, code]
                 odd |= kind == -1
                 continue
+            if signs[3] and c == 82 and number == 0.0:  # R0: no radius of the tool
+                state[row, SIDEWAYS] = 0
             goes_to = column[letter, index]
             odd |= goes_to == -1
             if goes_to < 0:

@@ -34,9 +34,13 @@ def read_gcode(
             ``BEGIN PGM``, or ``END PGM`` (cut off).
     """
     found = [_scan(data, name, vocabulary, "") for name, data in files]
+    begun = frozenset[str]().union(*(each.findings.begun for each in found))
+    for k, (name, data) in enumerate(files):
+        if begun and found[k].findings.breaks:
+            found[k] = _scan(data, name, vocabulary, "", begun)
     calls = list_calls(files, found)
     for k, why in list_shifted_calls(files, found, calls).items():
-        found[k] = _scan(files[k][1], files[k][0], vocabulary, why)
+        found[k] = _scan(files[k][1], files[k][0], vocabulary, why, begun)
     settle_states(found, calls, every=vocabulary is HEIDENHAIN)
     carry_states(files, found, calls)
     tables = [replace(frames, changed_frames=each) for each in list_changed_offsets(files)]
@@ -62,11 +66,26 @@ def _build_all(builders: Sequence[ProgramBuilder], calls: Sequence[Call]) -> tup
     )
 
 
-def _scan(data: bytes, name: str, vocabulary: Vocabulary, shifted: str) -> Blocks:
-    """Returns the blocks of a file; ``shifted``: why its coordinates are, from its first on."""
+def _scan(
+    data: bytes,
+    name: str,
+    vocabulary: Vocabulary,
+    shifted: str,
+    elsewhere: frozenset[str] = frozenset(),
+) -> Blocks:
+    """Returns the blocks of a file.
+
+    Args:
+        data: Its bytes.
+        name: Its name.
+        vocabulary: The control.
+        shifted: Why its coordinates are, from its first on; empty: they are not.
+        elsewhere: Shifts that may be in force behind its calls and jumps.
+    """
     made: list[ConversationalReader] = []
 
     def reader(vocabulary: Vocabulary, found: Findings) -> Take:
+        found.elsewhere = elsewhere
         if shifted:
             found.shift(0, CALLED, True)
             found.told.append((0, shifted))

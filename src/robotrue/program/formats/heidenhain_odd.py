@@ -41,8 +41,12 @@ _SWITCHES: Final = (
     *(b"RND", b"CHF"),  # between two lines that are followed
 )
 _CYCLE: Final = re.compile(rb"CYCL[ \t]+DEF[ \t]+(\d{1,4})(?:\.(\d))?(.*)", re.DOTALL)
-_SHIFTING: Final = {7: "a datum shift", 8: "a mirror", 10: "a rotation", 11: "a scale",
+_SHIFTING: Final = {8: "a mirror", 10: "a rotation", 11: "a scale",
                     19: "a tilted plane", 26: "a scale"}  # fmt: skip
+_DATUM: Final = "datum "
+_DATUM_AXES: Final = "XYZABCUVW"
+_DATUM_WORD: Final = re.compile(rb"(I?)([XYZABCUVW])[ \t]*([+-]?(?:Q\w*|[\d.]+))")
+_TURNING: Final = re.compile(rb"\b(?:TURN|MOVE)\b")
 _HARMLESS_CYCLES: Final = frozenset((9, 13, 32, 332, 239, 14, 20, 12))
 _NUMBERED_PRESET: Final = re.compile(rb"Q339[ \t]*=[ \t]*[+]?(\d{1,6})\b")
 _PARAMETER: Final = re.compile(rb"Q[LRS]?\d+[ \t]*=")
@@ -61,7 +65,7 @@ class ConversationalReader:
         self._address = {name.encode(): k for name, k in vocabulary.columns.items() if k >= 0}
         self._pole: dict[int, tuple[int, int, float]] = {}
         self._user, self._shared = -1, False
-        self._preset = False
+        self._preset = self._every = False
 
     def take(self, block: int, first: int, text: bytes) -> None:
         """Takes a block without its comment; ``first`` is its first byte in the file."""
@@ -103,11 +107,15 @@ class ConversationalReader:
             self._cycle(block, first, int(cycle[1]), cycle[2], cycle[3])
         elif rest.startswith(b"TOOL CALL"):
             self._tool(block, rest[9:].strip())
+        elif rest.startswith(b"TRANS DATUM"):
+            self._move_datum(block, first, "TRANS DATUM", rest[11:])
         elif rest.startswith((b"PLANE", b"TRANS")):
-            kind = rest.split()[0].decode("latin-1")
+            kind = b" ".join(rest.split()[: 1 + rest.startswith(b"TRANS")]).decode("latin-1")
             self._shift(
                 block, first, kind, kind + " .. moves the coordinates", b"RESET" not in rest
             )
+            if _TURNING.search(rest):  # it drives the rotary axes, and with MOVE all others
+                self.found.forget(block)
         elif rest.startswith((b"CYCL CALL", b"PATTERN", b"APPR", b"DEP", b"FC", b"FL")):
             side = _SIDE.search(rest)
             if rest.startswith((b"APPR", b"DEP")):
@@ -129,7 +137,7 @@ class ConversationalReader:
         self.found.forget(block)
 
     def _tool(self, block: int, rest: bytes) -> None:
-        match = re.match(rb'"([^"]*)"|(\d+)', rest)
+        match = re.match(rb'"([^"]*)"|(\d+(?:\.\d)?)', rest)
         if match is None and not rest.startswith((b"S", b"Z", b"X", b"Y", b"F")) and rest:
             self.found.set(block, Modal.TOOL, -1)
         elif match is not None:
@@ -141,14 +149,17 @@ class ConversationalReader:
         self.found.forget(block)
 
     def _cycle(self, block: int, first: int, number: int, part: bytes, rest: bytes) -> None:
-        if number in _SHIFTING:
-            values = rest if part not in (b"0", None) else b""
-            on = bool(_NOT_ZERO.search(re.sub(rb"[XYZABC](?=[+-]|$|[ \t])", b"", values)))
-            if number in (8,):
-                on = bool(values.strip())
-            fresh = part == b"0" or part == b"1"
+        if number == 7:
+            self._move_datum(block, first, "CYCL DEF 7", rest if part != b"0" else b"")
+        elif number in _SHIFTING and part == b"0":
+            return
+        elif number in _SHIFTING:
+            on = bool(_NOT_ZERO.search(re.sub(rb"[XYZABC](?=[+-]|$|[ \t])", b"", rest)))
+            if number == 8:
+                on = bool(rest.strip())
             kind = str(number)
-            on = on or (not fresh and self.found.shifts.get(kind, False))
+            kept = part != b"1" or b"IROT" in rest
+            on = on or (kept and bool(self.found.shifts.get(kind)))
             self._shift(block, first, kind, f"CYCL DEF {number} is {_SHIFTING[number]}", on)
         elif number == 247:
             self.found.set(block, Modal.FRAME, NAMED - self.found.name("preset"))
@@ -158,6 +169,18 @@ class ConversationalReader:
                 self._call_preset(block, match)
         elif number not in _HARMLESS_CYCLES:
             self.found.told.append((first, f"CYCL DEF {number} is a cycle; it is not changed"))
+
+    def _move_datum(self, block: int, first: int, named: str, words: bytes) -> None:
+        """Follows for each axis whether its zero is moved; a line of a table may move all."""
+        what = f"{named} is a datum shift"
+        if b"#" in words or b"TABLE" in words or b"RESET" in words:
+            for axis in _DATUM_AXES:
+                self._shift(block, first, _DATUM + axis, what, b"RESET" not in words)
+            return
+        for step, axis, value in _DATUM_WORD.findall(words):
+            on = bool(_NOT_ZERO.search(value))
+            if on or not step:
+                self._shift(block, first, _DATUM + axis.decode(), what, on)
 
     def _call_preset(self, block: int, match: re.Match[bytes]) -> None:
         named = self.found.name(f"preset {int(match[1])}")
@@ -180,6 +203,10 @@ class ConversationalReader:
                 self.found.forget(block)
             elif code in (6, 89, 98, 99, 140, 118):
                 self.found.forget(block)
+                if code == 89 or (code == 99 and self._every):
+                    self._every = True
+                    what = "M89 calls the cycle at every point"
+                    self._shift(block, first, "M89", what, code == 89)
                 if code == 6:
                     self.found.changes.append(block)
                 elif code != 118:
@@ -209,6 +236,8 @@ class ConversationalReader:
             self.found.set(block, Modal.MOTION, Drive.OTHER)
             self.found.forget(block)
             words.setdefault(0, (-1, 0, np.nan))
+            if kind in (b"LP", b"CP", b"CTP"):
+                self._use_pole(block, {})
         if odd:
             comma = " (decimal commas: write points)" if re.match(r",\d", odd) else ""
             self.found.told.append((first + at, f"{odd!r} is not understood{comma}"))

@@ -84,14 +84,15 @@ def owed_words(
     """Marks the words (n, 6) that have to be inserted, and the row whose style each takes.
 
     A left-out word is owed when the inherited value differs from the new one by more than half of
-    its last digit. Of a tool axis that is left out whole, all three are owed or none.
+    its last digit; of a word that no row has, of the digits it would get. Of a tool axis that is
+    left out whole, all three are owed or none.
 
     Args:
         written: (n, 6) the row has the word.
         said: (n, 6) its value when it is written.
         wanted: (n, 6) new values of the row, NaN where not known.
         kept: (n, 6) what is inherited when nothing moves.
-        decimals: (n, 6) of written words.
+        decimals: (n, 6) of written words, and of those that would be inserted.
         turn: (n,) way of telling the orientation.
         skip: (n,) nothing is inherited from the row.
         able: (n,) words can be inserted.
@@ -99,14 +100,14 @@ def owed_words(
         owed: (n, 6) written here.
         donor: (n, 6) written here, -1 without one.
     """
-    state, digits = np.full(6, np.nan), np.full(6, 3, np.int64)
+    state, digits = np.full(6, np.nan), np.full(6, -1, np.int64)
     last, mode = np.full(6, -1, np.int64), -1
     for i in range(len(turn)):
         if skip[i] or not able[i]:
             continue
         if turn[i] != mode:
             for c in range(3, 6):
-                state[c], last[c] = np.nan, -1
+                state[c], digits[c], last[c] = np.nan, -1, -1
             mode = turn[i]
         vector = turn[i] == 2
         some = written[i, 3] or written[i, 4] or written[i, 5]
@@ -122,9 +123,10 @@ def owed_words(
             if barred[i, c] or np.isnan(wanted[i, c]):
                 continue
             have = kept[i, c] if np.isnan(state[c]) else state[c]
-            owed[i, c] = abs(wanted[i, c] - have) > 0.5 * 10.0 ** -digits[c]
+            scale = 10.0 ** (digits[c] if digits[c] >= 0 else decimals[i, c])
+            owed[i, c] = abs(wanted[i, c] - have) > 0.5 / scale
             if owed[i, c]:
-                state[c] = np.round(wanted[i, c] * 10.0 ** digits[c]) / 10.0 ** digits[c]
+                state[c] = np.round(wanted[i, c] * scale) / scale
         if vector and not some and (owed[i, 3] or owed[i, 4] or owed[i, 5]):
             for c in range(3, 6):
                 owed[i, c] = True

@@ -47,6 +47,10 @@ _IN_PLANE: Final = (
     "{count} arcs stay in their plane: in the middle they deviate by up to {worst:.1f} um "
     "(line {line})."
 )
+_LEVEL: Final = (
+    "{count} arcs end at the height they begin at: there they deviate by up to {worst:.1f} um "
+    "(line {line})."
+)
 _UNSAID: Final = (
     "{count} points print no word for all of their turn: up to {worst:.3f} deg are not written "
     "(line {line})."
@@ -289,12 +293,17 @@ def path_losses(program: Program, replacement: Replacement) -> tuple[Unfollowed,
     words = spans_of(program, PathWords, "path")
     changed = changed_rows(program, replacement)
     out = []
-    rows, off = arc_deviation(program, replacement, words, changed)
-    if off.max(initial=0.0) > _SLIGHT:
-        worst = int(np.argmax(off))
-        count, line = int((off > _SLIGHT).sum()), int(program.line[rows[worst]])
-        out.append(Unfollowed(count=count, worst=off[worst] / UM, line=line, text=_IN_PLANE))
-    quiet = np.isin(words.turn, (Turn.FIXED, Turn.VECTOR)) & changed & ~words.skip
+    deviations = (
+        (_IN_PLANE, *arc_deviation(program, replacement, words, changed)),
+        (_LEVEL, *_rise_lost(replacement, words, changed)),
+    )
+    for text, rows, off in deviations:
+        if off.max(initial=0.0) > _SLIGHT:
+            worst = int(np.argmax(off))
+            count, line = int((off > _SLIGHT).sum()), int(program.line[rows[worst]])
+            out.append(Unfollowed(count=count, worst=off[worst] / UM, line=line, text=text))
+    quiet = np.isin(words.turn, (Turn.FIXED, Turn.VECTOR)) | words.barred[:, 3:].any(axis=1)
+    quiet &= changed & ~words.skip
     turn = np.zeros(len(program))
     turn[quiet] = _unsaid(program, replacement, words, quiet)
     if turn.max(initial=0.0) > _SLIGHT_TURN:
@@ -327,11 +336,23 @@ def arc_deviation(
     return arcs.via[mine], off[mine]
 
 
+def _rise_lost(
+    replacement: Replacement, words: PathWords, changed: BoolArray
+) -> tuple[IntArray, Array]:
+    """Returns the ends (k,) of corrected arcs without a word of height, and what each lacks, m."""
+    arcs, third = words.arcs, ACROSS[words.arcs.plane, 2]
+    mine = changed[arcs.end] & changed[arcs.start] & words.barred[arcs.end, third]
+    start, end, third = arcs.start[mine], arcs.end[mine], third[mine]
+    rise = replacement.position[end, third] - replacement.position[start, third]
+    rise -= (words.value[end, third] - words.value[start, third]) * words.unit[end]
+    return end, np.abs(rise)
+
+
 def _unsaid(program: Program, replacement: Replacement, words: PathWords, rows: BoolArray) -> Array:
     """Returns rad (k,) that rows are turned by and do not print: all of it, or the spin."""
     before, after = program.rotation[rows], np.asarray(replacement.rotation)[rows]
     turn = rotation_vector_from_matrix(after @ np.swapaxes(before, 1, 2))
     spin = np.abs((turn * words.rule.axes_of(before)).sum(axis=1))
-    fixed = words.turn[rows] == Turn.FIXED
+    fixed = (words.turn[rows] == Turn.FIXED) | words.barred[rows, 3:].any(axis=1)
     out: Array = np.where(fixed, np.linalg.norm(turn, axis=1), spin)
     return out
