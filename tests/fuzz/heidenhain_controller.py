@@ -1,6 +1,6 @@
 """Executes the conversational programs of ``heidenhain_flow_programs``, without the product.
 
-Written from the user's manuals of the iTNC 530 and TNC 640. A coordinate that a block leaves out
+Meant is what an iTNC 530 and a TNC 640 do. A coordinate that a block leaves out
 stays where the axis is, whatever moved the zero since; increments count from there, and a pole in
 increments from the last position. M128 holds from the begin of its block, M129 from its end. A
 preset that is called ends shift, mirror, rotation and scale. Where the tool is at the start, after

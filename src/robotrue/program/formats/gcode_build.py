@@ -9,20 +9,18 @@ from typing import Final
 import numpy as np
 
 from robotrue.core.arm_words import NO_WORD, WORDS
-from robotrue.core.arrays import Array, BoolArray, IntArray
-from robotrue.core.units import MM
+from robotrue.core.arrays import BoolArray, IntArray
 from robotrue.program.formats.gcode_arc_rows import ArcRows, arc_rows
 from robotrue.program.formats.gcode_arcs import ACROSS
 from robotrue.program.formats.gcode_blocks import Blocks
 from robotrue.program.formats.gcode_frames import GcodeFrames
 from robotrue.program.formats.gcode_jobs import list_starts
 from robotrue.program.formats.gcode_kernels import NO_STATE
+from robotrue.program.formats.gcode_rows import find_rows
 from robotrue.program.formats.gcode_state import (
     Epochs,
     Rows,
     Words,
-    choose_rows,
-    fill_left_out,
     in_force,
 )
 from robotrue.program.formats.gcode_vocabulary import (
@@ -32,7 +30,6 @@ from robotrue.program.formats.gcode_vocabulary import (
     Vocabulary,
     WordColumn,
 )
-from robotrue.program.formats.number_table import Numbers
 from robotrue.program.formats.path_kernels import with_point
 from robotrue.program.formats.path_words import PathWords, Turn, poses, tool_axes
 from robotrue.program.formats.shared_fate import share_fate
@@ -40,7 +37,6 @@ from robotrue.program.formats.target_notes import TargetNotes
 from robotrue.program.orientation import OrientationRule
 from robotrue.program.program import FrameTable, Motion, Program, Reason, find_open
 
-INCH: Final = 25.4 * MM
 _NORMAL: Final = re.compile(rb"(?im)^[ \t]*+N?\d*+[ \t]*+LN\b")
 _COMPUTED: Final = re.compile(rb"(?i)(?<=[ \t])I?[XYZABC][ \t]*[+-]?Q[LRS]?\d+")
 _TURNS: Final = (WordColumn.A, WordColumn.AX)
@@ -58,7 +54,7 @@ class ProgramBuilder:
         if blocks.findings.inch is not None:
             self.force[:, Modal.INCH] = int(blocks.findings.inch)
         self.epochs = Epochs(blocks, self.force)
-        self.rows = self._rows()
+        self.rows = find_rows(blocks, self.force, self.epochs, vocabulary)
         self.words = Words(blocks, self.rows.block)
         self.notes = TargetNotes(name, self.rows.block + 1)
         self.frames = GcodeFrames(frames, name, blocks, vocabulary)
@@ -68,104 +64,6 @@ class ProgramBuilder:
         )
         self.stretch = np.zeros(len(self.rows.block) + 1, np.int64)
         self._find_reasons()
-
-    def _rows(self) -> Rows:
-        blocks, force = self.blocks, self.force
-        block = self._moving()
-        words = Words(blocks, block)
-        own = force[block]
-        point, there = words.numbers((0, 1, 2))
-        spoken = self.epochs.of(0, block)
-        unit = np.where(own[:, Modal.INCH] == 1, INCH, MM)
-        relative = (own[:, Modal.RELATIVE] != 0) | (own[:, Modal.MOTION] == Drive.CYCLE)
-        value = np.empty((len(block), 6))
-        for k in range(3):
-            column = np.where(relative, np.nan, point.value[:, k])
-            value[:, k] = fill_left_out(column, there[:, k], self.epochs.of(k, block))
-        turn, numbers, found = self._turns(words, block, own)
-        value[:, 3:] = found
-        start, length, printed = (
-            np.concatenate([getattr(point, n), getattr(numbers, n)], axis=1)
-            for n in ("start", "length", "value")
-        )
-        joints, value = self._joints(words, turn, value)
-        axes = (turn == Turn.AXES)[:, None]
-        table = Numbers(
-            start=np.where(axes, joints.start, start),
-            length=np.where(axes, joints.length, length),
-            value=np.where(axes, joints.value, printed),
-        )
-        return Rows(
-            block=block, force=own, numbers=table, value=value, turn=turn, epoch=spoken, unit=unit
-        )
-
-    def _moving(self) -> IntArray:
-        """Returns the blocks that go somewhere."""
-        blocks, force = self.blocks, self.force
-        column, block = blocks.column, blocks.block
-        motion, tip = force[block, Modal.MOTION], force[block, Modal.TIP]
-        goes = (column < WordColumn.I) | ((column >= WordColumn.J1) & (column <= WordColumn.J6))
-        arc = (column >= WordColumn.I) & (column <= WordColumn.R)
-        goes |= arc & np.isin(motion, (Drive.RIGHT, Drive.LEFT, Drive.THROUGH))
-        goes |= arc & (column <= WordColumn.K) & (tip == 2)
-        moving = np.zeros(len(blocks.first), np.bool_)
-        moving[block[goes]] = True
-        moving[list(blocks.findings.silent)] = False
-        return np.flatnonzero(moving)
-
-    def _turns(
-        self, words: Words, block: IntArray, own: IntArray
-    ) -> tuple[IntArray, Numbers, Array]:
-        """Returns the form of each row's orientation, its three words and their values."""
-        angles, by_angle = words.numbers((3, 4, 5))
-        vector, by_vector = words.numbers((6, 7, 8))
-        if self.vocabulary.names[Turn.VECTOR][3] == b"I":
-            ijk, there = words.numbers((9, 10, 11))
-            mine = (own[:, Modal.TIP] == 2) & (own[:, Modal.MOTION] < Drive.RIGHT)
-            by_vector, vector = there & mine[:, None], choose_rows(mine, ijk, vector)
-        jointed = words.numbers(tuple(range(WordColumn.J1, WordColumn.J6 + 1)))[1].any(axis=1)
-        said = np.where(by_vector.any(axis=1), 2.0, np.where(by_angle.any(axis=1), 1.0, np.nan))
-        said[jointed] = np.nan
-        epoch = self.epochs.of(3, block)
-        mode = fill_left_out(said, np.isfinite(said), epoch)
-        turn = np.where(np.isnan(mode), int(Turn.ANGLES), np.nan_to_num(mode)).astype(np.int64)
-        turn[own[:, Modal.TIP] == 2] = Turn.VECTOR
-        turned = np.maximum.accumulate(np.isfinite(said)) if len(said) else np.zeros(0, np.bool_)
-        off = own[:, Modal.TIP] == 0
-        turn[off & ~turned] = Turn.FIXED
-        turn[jointed] = Turn.AXES
-        vectors = (turn == Turn.VECTOR) & by_vector.any(axis=1)
-        both = by_vector.any(axis=1) & by_angle.any(axis=1)
-        for row in np.flatnonzero(both).tolist():
-            self.blocks.findings.flag(int(block[row]), Reason.EXPRESSION)
-        found = np.full((len(block), 3), np.nan)
-        numbers = choose_rows(turn == Turn.VECTOR, vector, angles)
-        given = np.where((turn == Turn.VECTOR)[:, None], by_vector, by_angle)
-        values = np.where(vectors[:, None] & ~by_vector, 0.0, numbers.value)
-        given = given | vectors[:, None]
-        kinds = epoch * 4 + turn
-        for k in range(3):
-            found[:, k] = fill_left_out(values[:, k], given[:, k], kinds)
-        found[turn == Turn.FIXED] = (0.0, 0.0, 1.0)
-        return turn, numbers, found
-
-    def _joints(self, words: Words, turn: IntArray, value: Array) -> tuple[Numbers, Array]:
-        """Axis targets: JT1 to JT6, or JT1 to JT3 with A, B, C for the wrist."""
-        joints, there = words.numbers(tuple(range(WordColumn.J1, WordColumn.J6 + 1)))
-        axes = turn == Turn.AXES
-        if not axes.any():
-            return joints, value
-        wrist, _ = words.numbers((3, 4, 5))
-        short = axes & ~there[:, 3:].any(axis=1)
-        tail = choose_rows(short, wrist, Numbers(
-            start=joints.start[:, 3:], length=joints.length[:, 3:], value=joints.value[:, 3:]
-        ))  # fmt: skip
-        start, length, printed = (
-            np.concatenate([getattr(joints, n)[:, :3], getattr(tail, n)], axis=1)
-            for n in ("start", "length", "value")
-        )
-        joints = Numbers(start=start, length=length, value=printed)
-        return joints, np.where(axes[:, None], printed, value)
 
     def _find_reasons(self) -> None:
         """Finds the poses of all rows, and why some cannot be compensated."""
