@@ -230,7 +230,7 @@ class _Block:
         if column is not None:
             if column >= 0:
                 self._word(column, start, end, value)
-            if WordColumn.J1 <= column <= WordColumn.J6:  # where that is, nobody has stated
+            if WordColumn.J1 <= column <= WordColumn.J6:  # the pose of that is not stated
                 self._out.forget(self._block)
             return
         frame = _FRAME.match(name)

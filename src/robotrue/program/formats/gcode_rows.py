@@ -24,7 +24,7 @@ def find_rows(blocks: Blocks, force: IntArray, epochs: Epochs, vocabulary: Vocab
     Args:
         blocks: Of a program.
         force: (n, groups) setting of every group in every block.
-        epochs: How long words are taken over.
+        epochs: Over which blocks words are inherited.
         vocabulary: The control.
     """
     block = _find_moving(blocks, force)

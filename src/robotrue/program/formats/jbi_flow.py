@@ -140,7 +140,7 @@ class _ShiftFlow(ControlFlow):
                 self.join(at)
 
     def find_shifted(self) -> Callable[[int], bool]:
-        """Returns what tells whether a shift may be in force at a place."""
+        """Returns a function: whether a shift may be in force at a place."""
         self._finish()
         starts = np.array(self._place)
         at, values = np.array(self._sets[_SHIFT], np.int64).T

@@ -190,7 +190,7 @@ class _Walk:
         self.out.named |= {int(self._scan.names[row]) for row in rows}
 
     def _shift_move(self, line: int, rows: list[int]) -> None:
-        """Flags the points of a move that is shifted by words of its own."""
+        """Flags the points of a move that states a shift itself."""
         self._tell("3D", f"{self.name}:{line}: SFTON3D shifts the move; its point is not "
                    "compensated.")  # fmt: skip
         for row in rows:
@@ -259,7 +259,7 @@ class _Walk:
         if b"SFTON" in rest:
             self._shift_move(line, self._master)
         if _OTHER_FRAME.search(own) and verb == b"MOV":
-            self._tell("frame", f"{self.name}:{line}: the move names a tool or frame of its own; "
+            self._tell("frame", f"{self.name}:{line}: the move names a tool or frame itself; "
                        "its point is not compensated.")  # fmt: skip
             for row in rows:
                 self._flag(row, Reason.UNKNOWN_FRAME)

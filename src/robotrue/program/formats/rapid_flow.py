@@ -51,7 +51,7 @@ class RapidFlow(ControlFlow):
         self._begins_again: dict[int, bool] = {}
 
     def restart(self, at: int, *, cycle: bool) -> None:
-        """ExitCycle (``cycle``) begins main anew, EXIT ends the program; data keep their values."""
+        """ExitCycle (``cycle``) begins main again, EXIT ends the program; data keep their values."""
         self._begins_again[self._at] = cycle
         self._add(at, ())
 
@@ -109,7 +109,7 @@ class RapidFlow(ControlFlow):
         return self._is_set_outside(key) and routine in self._called_outside
 
     def _ends_program(self, key: Hashable) -> Collection[int]:
-        of_cycle = key in (SHIFTED, AXES_SHIFTED)  # these end where the program begins anew
+        of_cycle = key in (SHIFTED, AXES_SHIFTED)  # these end where the program begins again
         return [node for node, cycle in self._begins_again.items() if cycle or not of_cycle]
 
     def _is_kept(self, key: Hashable) -> bool:
