@@ -148,6 +148,15 @@ def test_an_arc_that_cannot_be_told_holds_its_start_back(arc: str) -> None:
     assert reasons(program)[3] == Reason.NONE
 
 
+def test_a_whole_circle_and_its_start_share_their_fate() -> None:
+    held = [Reason.INCOMPLETE] * 3
+    assert reasons(fanuc(f"{POINT}\nG3 I5.\n/G1 X4.\nG1 Y9. Z3."))[:3] == held
+    assert reasons(fanuc(f"{POINT}\nG3 X9. I4.\n/G1 X4.\nG1 Y9. Z3."))[:3] == [
+        Reason.NONE,
+        *held[1:],
+    ]
+
+
 def test_zero_offsets_come_from_the_cell() -> None:
     table = FrameTable(
         bases={"G54": np.diag([1.0, 1, 1, 1]), "G505": np.eye(4)},

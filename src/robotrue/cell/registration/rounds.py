@@ -91,6 +91,7 @@ class Adjustment:
         floor: m, worst of the three mean deviations over the settled passes, in which the touching
             averages out; NaN without one.
         oscillation: m, standard deviation of the worst error over them; NaN with fewer than two.
+        swing: m, largest less smallest of them; NaN with fewer than two.
         distortion: (n,) m, touched minus drawn distance from each point to the next, mean over the
             settled passes: no pose of the model removes it.
     """
@@ -101,6 +102,7 @@ class Adjustment:
     verdict: str
     floor: float
     oscillation: float
+    swing: float
     distortion: Array
 
 
@@ -250,6 +252,7 @@ def summarise(
     worst = np.array([p.worst for p in passes[first:]])
     deviation = np.array([p.deviation for p in passes[first:]])
     drift = np.array(lengths[first:] or [np.full(len(lengths[-1]), np.nan)])
+    several = len(worst) > 1
     return Adjustment(
         T_base_part=frozen(T_base_part, (4, 4), "T_base_part"),
         covariance=frozen(covariance, (6, 6), "covariance"),
@@ -258,7 +261,8 @@ def summarise(
         floor=float(np.linalg.norm(deviation.mean(axis=0), axis=1).max())
         if len(worst)
         else float("nan"),
-        oscillation=float(worst.std(ddof=1)) if len(worst) > 1 else float("nan"),
+        oscillation=float(worst.std(ddof=1)) if several else float("nan"),
+        swing=float(np.ptp(worst)) if several else float("nan"),
         distortion=frozen(drift.mean(axis=0), (None,), "distortion", allow_nan=True),
     )
 

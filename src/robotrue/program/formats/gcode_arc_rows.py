@@ -49,6 +49,7 @@ class ArcRows:
         ends: (a,) rows of the ends of all arcs, their middles right before them.
         starts: (a,) rows they begin at, -1 where that is not certain.
         loose: (a,) the arc's words stay valid when its start moves.
+        closed: (a,) whole circles, also as a helix: they end where they begin.
         bad: (m,) blocks whose arc is not determined.
         plane: Those with a centre or a radius that can be rewritten.
         through: (a,) rows of middles that are written, and their words.
@@ -59,6 +60,7 @@ class ArcRows:
     ends: IntArray
     starts: IntArray
     loose: BoolArray
+    closed: BoolArray
     bad: BoolArray
     plane: PlaneArcs
     through: tuple[IntArray, Numbers]
@@ -111,12 +113,15 @@ class ArcRows:
         return out
 
     def groups(self, reason: IntArray) -> list[list[int]]:
-        """Returns rows that share their fate: of an arc that cannot be rewritten its start, too."""
+        """Returns rows that share their fate.
+
+        Of a whole circle, and of an arc that cannot be rewritten, the start is one of them.
+        """
         out = []
-        closed = (reason[self.ends] != Reason.NONE) | (reason[self.ends - 1] != Reason.NONE)
-        stiff = (closed & ~self.loose & (self.starts >= 0)).tolist()
-        for end, start, stays in zip(self.ends.tolist(), self.starts.tolist(), stiff, strict=True):
-            out.append([start, end - 1, end] if stays else [end - 1, end])
+        stays = (reason[self.ends] != Reason.NONE) | (reason[self.ends - 1] != Reason.NONE)
+        stiff = (((stays & ~self.loose) | self.closed) & (self.starts >= 0)).tolist()
+        for end, start, joins in zip(self.ends.tolist(), self.starts.tolist(), stiff, strict=True):
+            out.append([start, end - 1, end] if joins else [end - 1, end])
         return out
 
 
@@ -157,8 +162,12 @@ def arc_rows(rows: Rows, words: Words, base: IntArray, *, absolute: bool) -> Arc
     chosen = arc[whole]
     # A conversational arc takes no third axis: it cannot state its previous end.
     loose = told & np.asarray(not absolute)
+    flat = ACROSS[np.maximum(rows.force[arc, Modal.PLANE], 0)][:, :2]
+    way = np.take_along_axis(value[place[arc]] - value[starts], flat, axis=1)
+    closed = (starts >= 0) & (way == 0.0).all(axis=1)
     return ArcRows(
-        spread=spread, ends=place[arc], starts=starts, loose=loose, bad=bad, plane=plane,
+        spread=spread, ends=place[arc], starts=starts, loose=loose, closed=closed, bad=bad,
+        plane=plane,
         through=(place[chosen] - 1, through.rows(chosen)), middle=middle,
     )  # fmt: skip
 

@@ -51,7 +51,7 @@ class RapidFlow(ControlFlow):
         self._begins_again: dict[int, bool] = {}
 
     def restart(self, at: int, *, cycle: bool) -> None:
-        """ExitCycle (``cycle``) begins main again, EXIT ends the program; data keep their values."""
+        """ExitCycle (``cycle``) begins main again, EXIT ends the program; data keep values."""
         self._begins_again[self._at] = cycle
         self._add(at, ())
 
