@@ -11,7 +11,14 @@ import numpy.typing as npt
 from robotrue.core.arrays import Array, BoolArray, IntArray
 from robotrue.core.rotations import matrix_from_rotation_vector, rotation_vector_from_matrix
 from robotrue.program.formats.apt_arcs import MISS
-from robotrue.program.formats.gcode_arcs import ACROSS, Centre, PlaneArcs, middles, no_arcs
+from robotrue.program.formats.gcode_arcs import (
+    ACROSS,
+    Centre,
+    PlaneArcs,
+    in_plane,
+    middles,
+    no_arcs,
+)
 from robotrue.program.formats.gcode_state import Rows, Words
 from robotrue.program.formats.gcode_vocabulary import Drive, Modal, WordColumn
 from robotrue.program.formats.number_table import Numbers
@@ -162,8 +169,7 @@ def arc_rows(rows: Rows, words: Words, base: IntArray, *, absolute: bool) -> Arc
     chosen = arc[whole]
     # A conversational arc takes no third axis: it cannot state its previous end.
     loose = told & np.asarray(not absolute)
-    flat = ACROSS[np.maximum(rows.force[arc, Modal.PLANE], 0)][:, :2]
-    way = np.take_along_axis(value[place[arc]] - value[starts], flat, axis=1)
+    way = in_plane(np.maximum(rows.force[arc, Modal.PLANE], 0), value[place[arc]] - value[starts])
     closed = (starts >= 0) & (way == 0.0).all(axis=1)
     return ArcRows(
         spread=spread, ends=place[arc], starts=starts, loose=loose, closed=closed, bad=bad,

@@ -83,7 +83,7 @@ def middles(arcs: PlaneArcs, value: Array) -> tuple[Array, Array]:
     """
     start, end = value[arcs.start], value[arcs.end]
     centre = _centres(arcs, start, end)
-    u, v, w = _flat(arcs, start), _flat(arcs, end), _flat(arcs, centre)
+    u, v, w = in_plane(arcs.plane, start), in_plane(arcs.plane, end), in_plane(arcs.plane, centre)
     a, b = u - w, v - w
     with np.errstate(invalid="ignore"):
         r, s = np.hypot(*a.T), np.hypot(*b.T)
@@ -121,8 +121,8 @@ def moved_words(arcs: PlaneArcs, old: Array, new: Array) -> Array:
     for k in (0, 1):
         column = axes[:, k]
         out[rows[by_centre], column[by_centre]] += shift[by_centre, k]
-    radius = np.hypot(*(_flat(arcs, new[arcs.start]) - after).T)
-    radius -= np.hypot(*(_flat(arcs, old[arcs.start]) - before).T)
+    radius = np.hypot(*(in_plane(arcs.plane, new[arcs.start]) - after).T)
+    radius -= np.hypot(*(in_plane(arcs.plane, old[arcs.start]) - before).T)
     by_radius = ~by_centre
     sign = np.where(arcs.value[:, 0] < 0.0, -1.0, 1.0)
     out[by_radius, 0] += (sign * radius)[by_radius]
@@ -130,12 +130,12 @@ def moved_words(arcs: PlaneArcs, old: Array, new: Array) -> Array:
 
 
 def _step(arcs: PlaneArcs, old: Array, new: Array) -> Array:
-    return _flat(arcs, new[arcs.start]) - _flat(arcs, old[arcs.start])
+    return in_plane(arcs.plane, new[arcs.start]) - in_plane(arcs.plane, old[arcs.start])
 
 
 def _fit_centres(arcs: PlaneArcs, points: Array) -> Array:
     """Centre (k, 2) of the circle in the plane through start, middle and end."""
-    s, m, e = (_flat(arcs, points[row]) for row in (arcs.start, arcs.via, arcs.end))
+    s, m, e = (in_plane(arcs.plane, points[row]) for row in (arcs.start, arcs.via, arcs.end))
     chord, half = e - s, 0.5 * (s + e)
     rise = m - half
     across = np.stack([-chord[:, 1], chord[:, 0]], axis=1)
@@ -161,9 +161,9 @@ def _on_ray(s: Array, m: Array, across: Array) -> Array:
     return np.asarray(0.5 * square / np.where(apart != 0.0, apart, np.nan))
 
 
-def _flat(arcs: PlaneArcs, points: Array) -> Array:
-    """(k, 2) coordinates of one point per arc in its plane."""
-    out: Array = np.take_along_axis(points, ACROSS[arcs.plane][:, :2], axis=1)
+def in_plane(plane: IntArray, points: Array) -> Array:
+    """Returns the two coordinates (k, 2) in its plane of each of points (k, 3)."""
+    out: Array = np.take_along_axis(points, ACROSS[plane][:, :2], axis=1)
     return out
 
 

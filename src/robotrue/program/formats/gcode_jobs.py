@@ -151,7 +151,7 @@ def settle_states(found: Sequence[Blocks], calls: Sequence[Call], *, every: bool
 
 
 def _calls_others(blocks: Blocks, place: int, calls: Sequence[Call]) -> bool:
-    """Returns whether a program calls what is not in the job, or may do so."""
+    """Returns whether a program calls, or may call, a program that the job does not have."""
     known = {call.block for call in calls if call.caller == place}
     known.update(blocks.findings.jumps, blocks.findings.rounds)
     return any(block not in known for block, _ in blocks.findings.breaks)
@@ -222,7 +222,7 @@ def _state_at(
     """Returns a state of the caller at a call.
 
     Calls and jumps before it leave it uncertain. It is then the last one above, of the programs
-    called since too if they state it; what is not in the job changes none. Where the caller
+    called since too if they state it; programs not in the job change none. Where the caller
     jumps, all that it states and calls must be one value.
     """
     blocks, k = found[call.caller], call.caller

@@ -239,7 +239,7 @@ class KrlWalk(KrlPoints):
             self.values.calls.append(KrlCall(line, node, routine, arguments))
 
     def _lose_frames(self, line: int, sides: list[str]) -> None:
-        """Enters that BASE or TOOL may be set from here on by what is not followed."""
+        """Enters that BASE or TOOL are unknown from here on: code that is not read may set them."""
         for side in sides:
             what, cure = "may be set by a routine or trigger here", "set it again after this line"
             self._put(line, side.lower(), self.frames.unknown(side.lower(), line, what, cure))

@@ -18,7 +18,14 @@ from robotrue.core.rotations import rotation_vector_from_matrix
 from robotrue.core.units import DEG, MM, UM
 from robotrue.errors import ConfigurationError
 from robotrue.program.formats.apt_arcs import MISS
-from robotrue.program.formats.gcode_arcs import ACROSS, Centre, PlaneArcs, middles, moved_words
+from robotrue.program.formats.gcode_arcs import (
+    ACROSS,
+    Centre,
+    PlaneArcs,
+    in_plane,
+    middles,
+    moved_words,
+)
 from robotrue.program.formats.number_table import Numbers, put_stretches, respell_tokens
 from robotrue.program.formats.number_text import Stretch, respell_word, restyle
 from robotrue.program.formats.path_kernels import decimals_of, owed_words
@@ -173,10 +180,8 @@ def _require_circles(
     """Refuses an arc that the control would refuse, or run the other part of its circle."""
     middle, miss = middles(arcs, points)
     off = np.where(stirred, miss * words.unit[arcs.end], 0.0)
-    flat = ACROSS[arcs.plane][:, :2]
     start, wanted, written = (
-        np.take_along_axis(each, flat, axis=1)
-        for each in (points[arcs.start], points[arcs.via], middle)
+        in_plane(arcs.plane, each) for each in (points[arcs.start], points[arcs.via], middle)
     )
     # A whole circle whose ends come apart is a short arc if its end now lies before its start.
     other = np.hypot(*(written - wanted).T) > 0.5 * np.hypot(*(wanted - start).T)

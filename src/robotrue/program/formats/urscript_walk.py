@@ -187,7 +187,7 @@ class ScriptWalk:
         return True
 
     def _other(self, start: int, end: int) -> bool:
-        """What is not followed: its variables are not certain; own routines are passed through.
+        """Enters any other statement: its variables are uncertain now, own routines are called.
 
         Returns:
             Whether it calls routines, of this script or of none.
