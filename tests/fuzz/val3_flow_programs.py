@@ -27,7 +27,7 @@ class Val3FlowWriter:
         self.stored = ["pA", "pB"]
         self.subs = [f"sub{k}" for k in range(pen.whole(0, 2))]
         self.library = pen.chance(0.3)
-        self.local: list[str] = []
+        self.by_reference = pen.chance(0.5)
 
     def job(self) -> dict[str, str]:
         """The files of an application by name."""
@@ -142,7 +142,22 @@ class Val3FlowWriter:
             "movel(x_p,x_t,mNom)", "x_p=here(x_t,x_f)\nmovel(x_p,x_t,mNom)",
             "movel(compose(x_p,x_f,tr1),x_t,mNom)", "x_f.trsf.z=35\nmovel(x_p,x_t,mNom)",
         )  # fmt: skip
+        point, use = self.points[0], "<r>" if self.by_reference else "<v>"
+        approached = pen.pick(
+            "movel(appro(x_p,tr1),x_t,mNom)\nmovel(x_p,x_t,mNom)", "movel(x_p,x_t,mNom)",
+            "movel(x_p[0],x_t[0],mNom)", f"movec(x_p,{pen.pick(*self.points)},x_t,mNom)",
+            f"l_p=x_p\nmovel(l_p,x_t,mNom)\nmovel({pen.pick(*self.points)},x_t,mNom)",
+        )  # fmt: skip
+        deeper = pen.pick(
+            "call reach(x_b,t1)\nmovel(x_a,t1,mNom)", "call reach(x_a,t1)\ncall reach(x_b,t1)",
+            "movec(x_a,x_b,t1,mNom)", "call goref(x_a)\nmovel(x_b,t1,mNom)",
+            "call go(appro(x_a,tr1))\ncall reach(x_b,t1)", "pA.trsf=x_b.trsf\nmovel(x_a,t1,mNom)",
+            f"movel(x_a,t1,mNom)\nif dIn[8]\ncall twice(x_b,{pen.pick('x_a', point)})\nendIf",
+        )  # fmt: skip
+        hidden = "<l>l_p\n" * ("l_p" in approached)
         return {
+            "reach": f"{use}x_p pointRx\n<v>x_t tool\n{hidden}begin\n{approached}\nend",
+            "twice": f"{use}x_a pointRx\n{use}x_b pointRx\nbegin\n{deeper}\nend",
             "go": f"<v>{name} pointRx\nbegin\n{by_value}\nend",
             "goref": f"<r>x_p pointRx\nbegin\n{by_reference}\nend",
             "within": f"<v>x_p pointRx\n<v>x_t tool\n<r>x_f frame\nbegin\n{within}\nend",
@@ -284,7 +299,15 @@ class Val3FlowWriter:
         if kind == 25:
             word = pen.pick('taskCreate "t1",10,', 'taskCreateSync "t2",0.004,bOver,')
             return [word + pen.pick("beside()", *(["far:lost()"] * self.rare), "beside()")]
-        if kind == 26 and not self.calm:
+        if kind == 26 and (self.calm or pen.chance(0.6)):
+            goal = pen.pick(
+                *[self._point()] * 3, "l_p", *([] if self.by_reference else [self._goal()])
+            )
+            return [pen.pick(
+                f"call reach({goal},{pen.pick(*['t1'] * 5, 't2')})",
+                f"call twice({self._point()},{goal})",
+            )]  # fmt: skip
+        if kind == 26:
             frame, tool = pen.pick("f2", "f2", "fa[1]"), pen.pick("t1", "t2")
             return [pen.pick(
                 f"call goref({self._point()})", f"call go({self._point()})",

@@ -20,6 +20,7 @@ from robotrue.program.lang import find_language
 from robotrue.program.program import FrameTable, Motion, Program, Reason, Replacement
 
 NONE, JOINT = Reason.NONE, Reason.JOINT_TARGET
+READ, UNKNOWN = Reason.EXPRESSION, Reason.UNKNOWN_FRAME
 
 
 def turn(rx: float, ry: float, rz: float) -> np.ndarray:
@@ -135,6 +136,79 @@ def test_targets_computed_from_a_point_are_reported() -> None:
         "app.dtx:25: only copies, appro or compose use these points; not compensated."
         in program.notes
     )
+
+
+def read_calls(body: str, head: str, code: str) -> Program:
+    """The points of the sample, moved to by a routine; its head has its name and parameters."""
+    name, *given = head.split()
+    listed = [
+        f'<Parameter name="{each.strip("&")}" use="{"reference" if "&" in each else "value"}" />'
+        for each in given
+    ]
+    own = f"<Parameters>{''.join(listed)}</Parameters>\n"
+    called = pgx(f"begin\n{code}\nend", name=name, own=own)
+    files = (("app.dtx", DTX), ("cut.pgx", pgx(f"begin\n{body}\nend")), ("go.pgx", called))
+    job = [(name, text.encode()) for name, text in files]
+    return find_language("val3").read_job(job, frames=FrameTable())[0]
+
+
+REACH = "movel(appro(x_p,tr),x_t,mNom); movel(x_p,x_t,mNom)"
+MOVED = "movel(x_p,tMill,mNom)"
+ARC = "movec(x_p,pPath[0],tMill,mNom)"
+
+
+@pytest.mark.parametrize(
+    ("head", "code", "call", "reasons"),
+    [
+        ("go x_p x_t", REACH, "call go(pPath[1],tMill)", [NONE] * 4),
+        ("go x_p x_t", REACH, "for i=0 to 3; call go( pPath[i], tMill ); endFor", [NONE] * 4),
+        ("go x_p x_t", REACH, "call go(pPath[1],flange)", [NONE, UNKNOWN, NONE, NONE]),
+        ("go x_p x_t", REACH, "call go(pPath[1],tNone)", [NONE, UNKNOWN, NONE, NONE]),
+        ("go x_p x_t", REACH, 'taskCreate "t",10,go(pPath[1],tMill)', [READ] * 4),
+        ("go x_p x_t", REACH, "call go(pPath[1],tMill,1)", [READ] * 4),
+        ("go x_p", "x_p.trsf.z=1; " + MOVED, "call go(pPath[1])", [READ] * 4),
+        ("go &x_p", "x_p=here(tMill,fPart)", "call go(pPath[1])", [READ] * 4),
+        ("go x_p", "l_p=x_p; z=l_p.trsf.z", "call go(pPath[1])", [READ] * 4),
+        ("go x_p", "z=x_p.trsf.z", "call go(appro(pPath[1],tr))", [READ] * 4),
+        ("go x_p", MOVED, "call go(appro(pPath[1],tr))", [NONE] * 4),
+        ("go &x_p", "movel(x_p[1],tMill,mNom)", "call go(pPath[1])", [READ] * 4),
+        ("go x_p &x_t", f"x_t.trsf.z=5; {MOVED}", "call go(pPath[1],tMill)", [UNKNOWN] * 4),
+        ("go x_p", MOVED + "; call go(x_p)", "call go(pPath[1])", [NONE] * 4),
+        ("go x_p x_q", MOVED + "; call go(x_q,x_p)", "call go(pPath[1],pPath[0])", [NONE] * 4),
+        ("go x_p", ARC, "call go(pPath[1])", [NONE] * 4),
+        ("go x_p", ARC, "call go(here(tMill,fPart))", [Reason.INCOMPLETE, NONE, NONE, NONE]),
+    ],
+)  # fmt: skip
+def test_points_that_routines_are_given(
+    head: str, code: str, call: str, reasons: list[Reason]
+) -> None:
+    first = "" if code == ARC else "movel(pPath[0],tMill,mNom)\n"
+    moves = "".join(f"movel(pPath[{k}],tMill,mNom)\n" for k in (1, 2, 3))
+    program = read_calls(first + moves + call.replace("; ", "\n"), head, code.replace("; ", "\n"))
+    assert program.reason[:4].tolist() == reasons
+
+
+def test_the_path_goes_through_points_that_a_routine_is_given() -> None:
+    body = "movel(pPath[0],tMill,mNom)\ncall go(pPath[2],tMill)\nmovel(pPath[1],tMill,mNom)"
+    program = read_calls(body, "go x_p x_t", REACH.replace("; ", "\n"))
+    assert [row for row in program.path[:, 1].tolist() if row >= 0] == [0, 2, 1]
+    assert program.motion[2] == Motion.LIN
+
+
+def test_a_routine_that_only_calls_itself_moves_with_a_tool_that_is_not_known() -> None:
+    itself = "movel(pPath[1],x_t,mNom)\ncall go(x_p,x_t)"
+    program = read_calls("movel(pPath[1],tMill,mNom)", "go x_p x_t", itself)
+    assert program.reason[1] == Reason.UNKNOWN_FRAME
+
+
+def test_calls_that_lead_to_many_calls_are_not_followed() -> None:
+    names = [f"x_{k}" for k in range(8)]
+    swapped = [names[1], names[0], *names[2:]], [*names[1:], names[0]]
+    calls = "\n".join(f"call go({','.join(each)})" for each in swapped)
+    body = f"call go({','.join(f'pPath[{k % 4}]' for k in range(4))},pSafe,pA,pB,pC)"
+    moves = "".join(f"movel(pPath[{k}],tMill,mNom)\n" for k in range(4))
+    program = read_calls(moves + body, f"go {' '.join(names)}", f"movel(x_0,tMill,mNom)\n{calls}")
+    assert program.reason[:4].tolist() == [READ] * 4
 
 
 def test_a_parameter_by_reference_takes_a_shifted_point_out_of_sight() -> None:

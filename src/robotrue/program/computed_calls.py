@@ -14,6 +14,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from robotrue.program.correction_krl import TYPES
+from robotrue.program.formats.text_lines import split_arguments
 from robotrue.program.program import Motion, Program, Reason
 
 COMPUTED: Final = (Reason.EXPRESSION, Reason.RELATIVE)
@@ -193,7 +194,7 @@ def _type_of(target: str, types: dict[str, str]) -> str:
 
 def _rapid_moves(text: str, name: str) -> Iterator[_Move]:
     for match in _RAPID_MOVE.finditer(text):
-        arguments = list(_split(match["arguments"]))
+        arguments = split_arguments(match["arguments"])
         target = arguments[0].strip()
         if target.startswith("[") or target.lower().startswith(f"{name}(".lower()):
             continue
@@ -212,17 +213,6 @@ def _rapid_moves(text: str, name: str) -> Iterator[_Move]:
             )
         span = (start, start + len(target))
         yield _Move((match.start("motion"), match.end()), span, call, why)
-
-
-def _split(arguments: str) -> Iterator[str]:
-    """Yields the texts between the commas outside of brackets."""
-    depth, start = 0, 0
-    for at, letter in enumerate(arguments):
-        depth += (letter in "([{") - (letter in ")]}")
-        if letter == "," and depth == 0:
-            yield arguments[start:at]
-            start = at + 1
-    yield arguments[start:]
 
 
 def _top_level(text: str, sign: str) -> bool:

@@ -60,6 +60,17 @@ def line_edges(data: bytes) -> IntArray:
     return np.append(starts[starts < len(data)], len(data))
 
 
+def split_arguments(text: str) -> list[str]:
+    """Returns the texts between the commas outside of brackets."""
+    depth, start, out = 0, 0, []
+    for at, letter in enumerate(text):
+        depth += (letter in "([{") - (letter in ")]}")
+        if letter == "," and depth == 0:
+            out.append(text[start:at])
+            start = at + 1
+    return [*out, text[start:]]
+
+
 def line_at(data: bytes, place: int) -> int:
     """Returns the one-based line of a byte."""
     before = data[:place]

@@ -8,11 +8,13 @@ from __future__ import annotations
 
 import re
 from collections import defaultdict
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from operator import itemgetter
 from typing import Final, NamedTuple
 
+from robotrue.program.formats.text_lines import split_arguments
+from robotrue.program.formats.val3_calls import CallTree, Reference, Step, Val3Call, Val3Move
 from robotrue.program.formats.val3_files import Val3Routine
 from robotrue.program.program import Motion
 
@@ -26,6 +28,10 @@ _INSIDE: Final = r"(?:[^()\n]|\((?:[^()\n]|\([^()\n]*+\))*+\)){0,2000}"
 _CALL: Final = re.compile(
     rf"\bcall\s++({_NAME})|\btaskCreate(?:Sync)?+\b{_INSIDE},\s*+({_NAME})\s*+\("
 )
+_CALLED: Final = re.compile(
+    rf"^[ \t]*+call\s++({_NAME})\s*+\(({_INSIDE})\)[ \t\r]*+$", re.ASCII | re.MULTILINE
+)
+_PLAIN: Final = re.compile(_REF, re.ASCII)
 _WORD: Final = re.compile(rf"(\.\s*+[A-Za-z_]\w*+)|({_NAME})|([()\[\]])|[^\w\s()\[\].]++", re.ASCII)
 _ASSIGNED: Final = re.compile(rf"{_REF}(\.[^=\n]{{0,200}}+)?+=(?!=)", re.ASCII)
 _COPIED: Final = re.compile(rf"{_REF}$", re.ASCII)
@@ -40,41 +46,6 @@ _UNREAD: Final = frozenset({"open", "close", "here", "size", "isDefined"})
 """Functions that read no value of a point."""
 _KEYWORDS: Final = frozenset("if elseif while until switch case to step and or not return".split())
 _MOTIONS: Final = {"j": Motion.PTP, "l": Motion.LIN, "c": Motion.ARC_END}
-
-
-class Reference(NamedTuple):
-    """A variable as a statement names it.
-
-    Attributes:
-        name: Of the variable.
-        key: Its element; None if that is computed.
-    """
-
-    name: str
-    key: str | None
-
-    def __str__(self) -> str:
-        return self.name if self.key in ("0", None) else f"{self.name}[{self.key}]"
-
-
-class Val3Move(NamedTuple):
-    """One motion.
-
-    Attributes:
-        motion: PTP, LIN or ARC_END.
-        via: Auxiliary point of an arc.
-        target: None if it is computed.
-        tool: Likewise.
-        file: Of the job.
-        line: One-based.
-    """
-
-    motion: Motion
-    via: Reference | None
-    target: Reference | None
-    tool: Reference | None
-    file: int
-    line: int
 
 
 @dataclass(slots=True)
@@ -105,29 +76,38 @@ def read_code(routines: list[Val3Routine], *, shared: bool = False) -> CodeUse:
         routines: Of all its files.
         shared: The data of a library are among those of the job, so that ``lib:p`` may be ``p``.
     """
-    use = CodeUse()
+    use, tree = CodeUse(), CallTree.of(routines)
     names = _Names(use, shared)
     for routine in routines:
-        _read_routine(routine, use, names)
-    names.finish()
+        _read_routine(routine, use, names, tree)
+    use.moves, endless = tree.list_moves()
+    for move in use.moves:
+        names.qualify(move)
+    names.finish(endless)
     return use
 
 
-def _read_routine(routine: Val3Routine, use: CodeUse, names: _Names) -> None:
+def _read_routine(routine: Val3Routine, use: CodeUse, names: _Names, tree: CallTree) -> None:
     moves, places, rest = _cut_moves(routine)
-    computed = [
+    for match, line in _find_lines(_CALL, rest, routine.line):
+        use.calls.setdefault(match[1] or match[2], (routine.file, line))
+        tree.started[match[1] or match[2]] += 1
+    others: list[tuple[int, Step]] = [
         (match.start(), Val3Move(_MOTIONS[match[1]], None, None, None, routine.file, line))
         for match, line in _find_lines(_COMPUTED, rest, routine.line)
     ]
-    if computed:
-        ordered = sorted([*zip(places, moves, strict=True), *computed], key=itemgetter(0))
-        moves = [move for _, move in ordered]
-    use.moves += moves
-    for match, line in _find_lines(_CALL, rest, routine.line):
-        use.calls.setdefault(match[1] or match[2], (routine.file, line))
-    names.take(routine, rest)
-    for move in moves:
-        names.qualify(move)
+    pieces, last = list[str](), 0
+    for match, line in _find_lines(_CALLED, rest, routine.line):
+        called = tree.routines.get(match[1])
+        arguments = split_arguments(match[2]) if match[2].strip() else []
+        if called is not None and len(called.parameters) == len(arguments):
+            given = names.pass_on(routine, called, arguments)
+            others.append((match.start(), Val3Call(called.number, given, routine.file, line)))
+            pieces.append(rest[last : match.start()])
+            last = match.end()
+    steps: list[tuple[int, Step]] = [*zip(places, moves, strict=True), *others]
+    tree.steps[routine.number] += [step for _, step in sorted(steps, key=itemgetter(0))]
+    names.take(routine, "".join([*pieces, rest[last:]]))
 
 
 def _cut_moves(routine: Val3Routine) -> tuple[list[Val3Move], list[int], str]:
@@ -137,6 +117,11 @@ def _cut_moves(routine: Val3Routine) -> tuple[list[Val3Move], list[int], str]:
     tools: dict[tuple[str, str | None], Reference | None] = {}
     for match, line in _find_lines(_MOVE, code, routine.line):
         how, via, via_key, target, key, tool, tool_key = match.groups()
+        if routine.parameters and any(
+            name in routine.parameters and (index or "0").strip() != "0"
+            for name, index in ((via, via_key), (target, key), (tool, tool_key))
+        ):
+            continue  # an element of what is given
         named = tool, tool_key
         if named not in tools:
             tools[named] = _refer(routine, tool, tool_key)
@@ -171,9 +156,9 @@ def _find_lines(
 
 
 def _refer(routine: Val3Routine, name: str, key: str | None) -> Reference | None:
-    """The variable of the application that a name means; None for one of the routine's own."""
+    """The variable of the job or parameter that a name means; None for a local variable."""
     if name in routine.own:
-        return None
+        return Reference(routine.spell(name), "0") if name in routine.parameters else None
     text = "0" if key is None else key.strip()
     plain = text.isascii() and text.isdecimal()
     return Reference(name, (text.lstrip("0") or "0") if plain else None)
@@ -215,10 +200,11 @@ class _Names:
     """
 
     def __init__(self, use: CodeUse, shared: bool) -> None:
-        self._use, self._shared, self._routines = use, shared, 0
+        self._use, self._shared = use, shared
         self._read: set[str] = set()
         self._assigned: set[str] = set()
         self._sources: dict[str, set[str]] = defaultdict(set)  # by the point shifted from them
+        self._passed: dict[str, set[str]] = defaultdict(set)  # arguments by the parameter
 
     def qualify(self, move: Val3Move) -> None:
         """Notes the points of a library that a motion goes to."""
@@ -228,33 +214,53 @@ class _Names:
 
     def take(self, routine: Val3Routine, code: str) -> None:
         """Notes the names in the code of a routine without its plain motions."""
-        self._routines += 1
         brackets = [_OUTSIDE]
         for text in code.split("\n"):
-            before, target = "", ""
-            for match in _WORD.finditer(text):
-                member, name, bracket = match.groups()
-                if bracket == "(":
-                    brackets.append(brackets[-1].open(_find_function(before, text, match.start())))
-                elif bracket == "[":
-                    brackets.append(brackets[-1])
-                elif bracket and len(brackets) > 1:
-                    brackets.pop()
-                elif name:
-                    inside, place = brackets[-1], match.start()
-                    assigned = _ASSIGNED.match(text, place) if len(brackets) == 1 else None
-                    if assigned is not None:
-                        target = self._assign(routine, name, whole=not assigned[3])
-                    else:
-                        if inside is _OUTSIDE and target and _COPIED.match(text, place):
-                            inside = _COPY
-                        self._note(self._spell(routine, name), inside, target)
-                before = name or member or ""
+            self._take_line(routine, text, brackets, "")
+
+    def pass_on(
+        self, routine: Val3Routine, called: Val3Routine, arguments: Sequence[str]
+    ) -> dict[str, Reference | None]:
+        """Notes the arguments of a call in a routine; returns them by the parameter."""
+        given: dict[str, Reference | None] = {}
+        for name, text in zip(called.parameters, arguments, strict=True):
+            parameter, plain = called.spell(name), _PLAIN.fullmatch(text)
+            if plain:
+                given[parameter] = _refer(routine, plain[1], plain[2])
+                self._passed[parameter].update(self._spell(routine, plain[1]))
+            else:
+                given[parameter] = None
+                self._take_line(routine, text, [_OUTSIDE], parameter)
+        return given
+
+    def _take_line(
+        self, routine: Val3Routine, text: str, brackets: list[_Brackets], target: str
+    ) -> None:
+        """Notes the names in a line, or in a value that is assigned to a variable."""
+        before = ""
+        for match in _WORD.finditer(text):
+            member, name, bracket = match.groups()
+            if bracket == "(":
+                brackets.append(brackets[-1].open(_find_function(before, text, match.start())))
+            elif bracket == "[":
+                brackets.append(brackets[-1])
+            elif bracket and len(brackets) > 1:
+                brackets.pop()
+            elif name:
+                inside, place = brackets[-1], match.start()
+                assigned = _ASSIGNED.match(text, place) if len(brackets) == 1 else None
+                if assigned is not None:
+                    target = self._assign(routine, name, whole=not assigned[3])
+                else:
+                    if inside is _OUTSIDE and target and _COPIED.match(text, place):
+                        inside = _COPY
+                    self._note(self._spell(routine, name), inside, target)
+            before = name or member or ""
 
     def _spell(self, routine: Val3Routine, name: str) -> list[str]:
         """The variables of the job that a name may mean."""
         if name in routine.own:
-            return [f"{self._routines} {name}"]
+            return [routine.spell(name)]
         return [name, name.partition(":")[2]] if self._shared and ":" in name else [name]
 
     def _assign(self, routine: Val3Routine, name: str, *, whole: bool) -> str:
@@ -279,15 +285,31 @@ class _Names:
             if inside.inner and inside.inner not in _READERS:
                 self._use.changed.update(names)
 
-    def finish(self) -> None:
-        """Takes a point as read, too, if one shifted from it is."""
-        due = [name for name in self._sources if name in self._read]
-        while due:
-            fresh = self._sources.pop(due.pop()) - self._read
-            self._read |= fresh
-            due += [name for name in fresh if name in self._sources]
-        self._use.followed.update(*self._sources.values())
-        self._use.touched |= self._read | self._assigned
+    def finish(self, endless: Sequence[Val3Call]) -> None:
+        """Takes a point as read, too, if one shifted from it is, and arguments as parameters.
+
+        Args:
+            endless: Calls whose motions are not known.
+        """
+        use, passed = self._use, self._passed
+        self._read.update(name for call in endless for name in call.arguments)
+        _spread(self._read, {
+            name: self._sources.get(name, set()) | passed.get(name, set())
+            for name in (*self._sources, *passed)
+        })  # fmt: skip
+        use.followed.update(*(self._sources[name] for name in self._sources.keys() - self._read))
+        for held in (self._assigned, use.changed, use.computed, use.followed):
+            _spread(held, passed)
+        use.touched |= self._read | self._assigned
+
+
+def _spread(held: set[str], links: Mapping[str, set[str]]) -> None:
+    """Adds to some names those they lead to."""
+    due = [name for name in links if name in held]
+    while due:
+        fresh = links[due.pop()] - held
+        held |= fresh
+        due += [name for name in fresh if name in links]
 
 
 def _find_function(before: str, text: str, place: int) -> str:

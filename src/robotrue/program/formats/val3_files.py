@@ -70,17 +70,25 @@ class Val3Routine:
         name: Of the program.
         file: Of the job.
         own: Names of its parameters and local variables.
+        parameters: Names of its parameters in their order.
         given: Those of the parameters that mean a variable of the caller.
         line: One-based line its code begins in.
         code: The code with blanks for text and comments.
+        number: Of the routine in the job.
     """
 
     name: str
     file: int
     own: set[str] = field(default_factory=set)
+    parameters: list[str] = field(default_factory=list)
     given: set[str] = field(default_factory=set)
     line: int = 0
     code: str = ""
+    number: int = 0
+
+    def spell(self, name: str) -> str:
+        """Returns a name of the routine's own as no variable of the job is spelled."""
+        return f"{self.number} {name}"
 
 
 @dataclass(slots=True)
@@ -136,7 +144,7 @@ class _Reader:
         self._open: dict[str, Callable[[dict[str, str]], None]] = {
             "Data": self._begin_variable,
             "Program": self._begin_routine,
-            "Parameter": self._add_own,
+            "Parameter": self._add_parameter,
             "Local": self._add_own,
             "Code": self._begin_code,
             "Parameters": self._require_millimetres,
@@ -214,8 +222,13 @@ class _Reader:
     def _add_own(self, attributes: dict[str, str]) -> None:
         if self.content.routines:
             self.content.routines[-1].own.add(attributes.get("name", ""))
+
+    def _add_parameter(self, attributes: dict[str, str]) -> None:
+        self._add_own(attributes)
+        for routine in self.content.routines[-1:]:
+            routine.parameters.append(attributes.get("name", ""))
             if attributes.get("use") == "reference":
-                self.content.routines[-1].given.add(attributes.get("name", ""))
+                routine.given.add(routine.parameters[-1])
 
     def _begin_code(self, _: dict[str, str]) -> None:
         if self.content.routines:
