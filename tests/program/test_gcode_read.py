@@ -305,6 +305,14 @@ def test_one_way_of_moving_coordinates_does_not_end_another() -> None:
         assert reasons(fanuc(f"{text}\n{first}")) == [Reason.NONE]
 
 
+@pytest.mark.parametrize("shift", ["G52 X5.", "G52 X5. Y0. Z0.", "G92 X0.", "G51 X0. Y0. P2"])
+def test_a_shift_may_be_in_force_where_a_jump_from_below_leads(shift: str) -> None:
+    first = "G69\nG90 G17 G21 G40 G54 G43.4 H1 T1\nG1 X1. Y2. Z3. A0. B0. C0."
+    text = "{0}\nN9 {0}\n{1}\nG90 G54\nG1 X2. Y2. Z3. A0. B0. C0.\nIF [#1 EQ 1] GOTO 9"
+    assert reasons(fanuc(text.format(first, shift)))[:2] == [Reason.NONE, Reason.INCOMPLETE]
+    assert reasons(fanuc(text.format(first, "G69")))[:2] == [Reason.NONE, Reason.NONE]
+
+
 def test_a_program_that_says_all_again_behind_a_call_is_certain() -> None:
     again = "G90 G17 G21 G40 G54\nG69\nT1\nG43.4 H1"
     program = fanuc(f"M98 P100\n{again}\nG1 X1. Y2. Z3. A0. B0. C0.")

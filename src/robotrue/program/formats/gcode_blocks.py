@@ -25,6 +25,7 @@ from robotrue.program.program import Reason
 ALL: Final = tuple(range(WordColumn.R))
 POINT: Final = (0, 1, 2)
 _NUMBERED: Final = re.compile(rb"(?im)^[ \t/:]*N(\d{1,9})(?!\d)")
+_NEVER: Final = 2**31
 _EVERY: Final = (*ALL, *range(WordColumn.J1, WordColumn.J6 + 1))
 _LARGEST: Final = 1e8
 """Of any number in a block; 100 km."""
@@ -46,6 +47,7 @@ class Findings:
         ever_moved: Any is in force anywhere.
         begun: Those that are in force anywhere.
         elsewhere: Those that may be in force behind any call or jump, by programs of the job.
+        reached: First block that a jump leads to, where it is known before.
         breaks: Blocks behind which the modal state is uncertain, with whether any is ``moved``.
         jumps: Those of them that branch, repeat, or have a label.
         entries: Blocks that jumps lead to.
@@ -73,6 +75,7 @@ class Findings:
     ever_moved: bool = False
     begun: set[str] = field(default_factory=set)
     elsewhere: frozenset[str] = frozenset()
+    reached: int = _NEVER
     breaks: list[tuple[int, bool]] = field(default_factory=list)
     jumps: list[int] = field(default_factory=list)
     entries: list[int] = field(default_factory=list)
@@ -124,7 +127,8 @@ class Findings:
         (self.moved.add if on else self.moved.discard)(kind)
         self.ever_moved |= on
         self.begun |= {kind} if on else set()
-        maybe = self.moved | self.elsewhere if self.breaks else self.moved
+        entered = bool(self.breaks) or block >= self.reached
+        maybe = self.moved | self.elsewhere if entered else self.moved
         behind = not maybe.issubset(self.shifts)  # a call or jump, and not ended since
         lasting = int(any(self.shifts.values()))
         self.set(block, Modal.SHIFTED, lasting or (OPEN if behind else 0))

@@ -354,6 +354,7 @@ class _Block:
         self._out.shift(self._block, "local", False)
         if any((x, y, z)):  # a work frame here, but not in a program that is called
             self._out.moved.add("local")
+            self._out.begun.add("local")
             self._out.ever_moved = True
         self._out.forget(self._block, POINT)  # the angles are about the same axes
         self._quiet, self._at = True, len(self._text)

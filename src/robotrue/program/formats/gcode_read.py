@@ -33,14 +33,14 @@ def read_gcode(
         FormatError: Not text, without a single block that moves, or a conversational file without
             ``BEGIN PGM``, or ``END PGM`` (cut off).
     """
-    found = [_scan(data, name, vocabulary, "") for name, data in files]
+    found = [_scan(each, vocabulary, "") for each in files]
     begun = frozenset[str]().union(*(each.findings.begun for each in found))
-    for k, (name, data) in enumerate(files):
+    for k, each in enumerate(files):
         if begun and found[k].findings.breaks:
-            found[k] = _scan(data, name, vocabulary, "", begun)
+            found[k] = _scan(each, vocabulary, "", begun, found[k].findings.entries)
     calls = list_calls(files, found)
     for k, why in list_shifted_calls(files, found, calls).items():
-        found[k] = _scan(files[k][1], files[k][0], vocabulary, why, begun)
+        found[k] = _scan(files[k], vocabulary, why, begun, found[k].findings.entries)
     settle_states(found, calls, every=vocabulary is HEIDENHAIN)
     carry_states(files, found, calls)
     tables = [replace(frames, changed_frames=each) for each in list_changed_offsets(files)]
@@ -67,25 +67,26 @@ def _build_all(builders: Sequence[ProgramBuilder], calls: Sequence[Call]) -> tup
 
 
 def _scan(
-    data: bytes,
-    name: str,
+    file: tuple[str, bytes],
     vocabulary: Vocabulary,
     shifted: str,
     elsewhere: frozenset[str] = frozenset(),
+    entries: Sequence[int] = (),
 ) -> Blocks:
     """Returns the blocks of a file.
 
     Args:
-        data: Its bytes.
-        name: Its name.
+        file: Its name and bytes.
         vocabulary: The control.
         shifted: Why its coordinates are, from its first on; empty: they are not.
         elsewhere: Shifts that may be in force behind its calls and jumps.
+        entries: Blocks that jumps lead to.
     """
+    name, data = file
     made: list[ConversationalReader] = []
 
     def reader(vocabulary: Vocabulary, found: Findings) -> Take:
-        found.elsewhere = elsewhere
+        found.elsewhere, found.reached = elsewhere, min(entries, default=found.reached)
         if shifted:
             found.shift(0, CALLED, True)
             found.told.append((0, shifted))
