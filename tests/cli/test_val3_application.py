@@ -52,3 +52,28 @@ def test_a_project_is_inspected_compensated_and_compared(cli, work: Path) -> Non
     assert sizes.code == 0
     (file,) = sizes.document["files"]
     assert (file["targets"], file["moved"]) == (3, 3)
+
+
+def test_points_that_a_routine_is_given_are_compensated(cli, work: Path) -> None:
+    path = project(work / "app")
+    cut = path.with_name("cut.pgx")
+    code = cut.read_text()
+    cut.write_text(code.replace("movel(", "call reach(").replace(",flange,mNom)", ",flange)"))
+    given = '<Parameter name="x_p" type="pointRx" /><Parameter name="x_t" type="tool" />'
+    (path.with_name("reach.pgx")).write_text(
+        '<Programs xmlns="http://www.staubli.com/robotics/VAL3/Program/2">\n'
+        f'<Program name="reach"><Parameters>{given}</Parameters><Code>begin\n'
+        "movel(appro(x_p,{0,0,-50,0,0,0}),x_t,mNom)\nmovel(x_p,x_t,mNom)\nend</Code></Program>\n"
+        "</Programs>\n"
+    )
+    names = '<Program file="cut.pgx" /><Program file="reach.pgx" />'
+    path.write_text(path.read_text().replace('<Program file="cut.pgx" />', names))
+    (work / "out").mkdir()
+    got = cli(
+        "compensate", work / "model.rtm", path, "-o", work / "out", "--start", START, "--json"
+    )
+    assert got.code == 0, got.err
+    assert got.document["compensated"] == 3
+    assert any("targets computed from it move" in note for note in got.document["notes"])
+    plain = cli("inspect", path, "--json").document["notes"]
+    assert all(note.startswith("app.dtx:") and "app.dtx: app" not in note for note in plain)

@@ -12,6 +12,7 @@ from typing import Final
 import numpy as np
 
 from robotrue.app.presentation import Block, Facts, Note, PlainResult, Table
+from robotrue.app.reporting import place_in_file
 from robotrue.calibration.model import ErrorModel, provenance_of
 from robotrue.cell.cell import Cell
 from robotrue.cell.config import read_cell
@@ -263,7 +264,7 @@ def program_document(job: Sequence[Program]) -> dict[str, object]:
         "targets": sum(len(program) for program in job),
         "motions": dict(motions),
         "left_alone": dict(reasons),
-        "notes": [f"{program.name}: {note}" for program in job for note in program.notes],
+        "notes": [place_in_file(each.name, note) for each in job for note in each.notes],
     }
 
 
