@@ -163,9 +163,9 @@ class FanucGcodeFlowWriter(GcodeFlowWriter):
         kind = pen.whole(0, 3)
         mark = pen.pick(f"N{label}", f"N{label} {self.full()}", f"N{label} {self.some()}")
         if kind == 0:
-            return [f"IF [#{1000 + self.labels} EQ 1] GOTO {label}", *one, mark]
+            return [self.jump(f"IF [#{1000 + self.labels} EQ 1] GOTO {label}"), *one, mark]
         if kind == 1:
-            return [mark, *one, f"IF [#{1000 + self.labels} NE 0] GOTO {label}"]
+            return [mark, *one, self.jump(f"IF [#{1000 + self.labels} NE 0] GOTO {label}")]
         if kind == 2:
             count = f"#{130 + self.labels}"
             return [
@@ -177,7 +177,7 @@ class FanucGcodeFlowWriter(GcodeFlowWriter):
             ]
         return [
             f"IF [#{1000 + self.labels} EQ 1] THEN #120=7.5",
-            f"GOTO {label}" if pen.chance(0.3) else "M8",
+            self.jump(f"GOTO {label}") if pen.chance(0.3) else "M8",
             *one,
             mark,
         ]

@@ -180,10 +180,7 @@ class GcodeFlowWriter:
         if kind == 16:
             return self.counted()
         if kind == 17:
-            return [
-                "/" + pen.pick("", "2 ") + pen.pick(self.full(), self.some(), self.frame(), "M8"),
-                self.some(),
-            ]
+            return ["/" + pen.pick("", "2 ") + self.skippable(main), self.next()]
         if kind == 18:
             return self.tool()
         if kind <= 20:
@@ -218,6 +215,19 @@ class GcodeFlowWriter:
             *([self.some()] if self.pen.chance(0.3) else []),
             f"G90 {self.next()}",
         ]
+
+    def skippable(self, main: bool) -> str:
+        """A block that a switch skips."""
+        pen = self.pen
+        blocks = [self.full(), self.some(), self.frame(), "M8"]
+        if pen.chance(0.5):
+            blocks = [self.tool()[0], self.local()[0], self.rotated()[0]]
+            blocks += [self.call()[1]] * 2 if self.subs and main else []
+        return pen.pick(*blocks)
+
+    def jump(self, text: str) -> str:
+        """A jump, now and then one that a switch skips."""
+        return f"/{text}" if self.pen.chance(0.15) else text
 
     def tool(self) -> list[str]:
         """A tool is chosen, and loaded now or later."""

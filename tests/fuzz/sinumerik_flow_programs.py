@@ -167,9 +167,9 @@ class SinumerikFlowWriter(GcodeFlowWriter):
         where = f"$A_IN[{self.labels}]"
         mark = pen.pick(f"{label}:", f"{label}: {self.full()}", f"{label}: {self.some()}")
         if kind == 0:
-            return [f"IF {where}==1 GOTOF {label}", *one, mark]
+            return [self.jump(f"IF {where}==1 GOTOF {label}"), *one, mark]
         if kind == 1:
-            return [mark, *one, f"IF {where}==1 GOTOB {label}"]
+            return [mark, *one, self.jump(f"IF {where}==1 GOTOB {label}")]
         if kind == 2:
             return [f"FOR R{10 + self.labels}=1 TO 2", *one, "ENDFOR"]
         if kind == 3:

@@ -76,6 +76,8 @@ def test_an_offset_that_another_program_changes(language: str, line: str, named:
         ("fanuc_gcode", "G68 X0. Y0. R30.\nM98 P17", False),
         ("fanuc_gcode", "G68 X0. Y0. R30.\nG69\nM98 P7", False),
         ("fanuc_gcode", "G52 X10. Y0. Z0.\nM98 P7", True),
+        ("fanuc_gcode", "G68 X0. Y0. R30.\n/2 M98 P7", True),
+        ("sinumerik", "TRANS X10\n/PART", True),
         ("fanuc_gcode", "G52 X10. Y0. Z0.\nG52 X0. Y0. Z0.\nM98 P7", False),
     ],
 )
@@ -168,6 +170,7 @@ def test_states_go_on_to_programs_that_a_called_one_calls() -> None:
         ("fanuc_gcode", "IF [#1 EQ 1] GOTO 10", False),
         ("fanuc_gcode", "IF [#1 EQ 1] GOTO 20", True),
         ("fanuc_gcode", "IF [#1 EQ 1] GOTO #2", False),
+        ("fanuc_gcode", "/GOTO 10", False),
         ("sinumerik", "IF R1==1 GOTOF N10", False),
         ("sinumerik", "IF R1==1 GOTOF N20", True),
     ],
@@ -178,6 +181,73 @@ def test_a_block_number_that_is_jumped_to(language: str, jump: str, known: bool)
     (program,) = find_language(language).read_job([("a.nc", text.encode())], frames=TABLE)
     assert program.reason.tolist()[0] == Reason.NONE
     assert any("work frame is not certain" in note for note in program.notes) != known
+
+
+@pytest.mark.parametrize(
+    ("language", "call", "once"),
+    [
+        ("fanuc_gcode", "M98 P7", True),
+        ("fanuc_gcode", "M98 P7 L2", False),
+        ("fanuc_gcode", "M98 P20007", False),
+        ("sinumerik", "PART", True),
+        ("sinumerik", "PART P2", False),
+        ("sinumerik", 'CALL "PART" P=R1', False),
+    ],
+)
+@pytest.mark.parametrize("change", ["T2 M6", "G55", "G68 X0. Y0. R5.", "/T2 M6", "/M6"])
+def test_a_program_that_runs_again_begins_as_it_ended(
+    language: str, call: str, once: bool, change: str
+) -> None:
+    change = "TRANS X5" if language == "sinumerik" and change[:3] == "G68" else change
+    number = "O7\n" * (language == "fanuc_gcode")
+    head = "" if change == "/M6" else POINT
+    called = f"{number}{POINT}{change}\n{head}M99\n".replace("M99", "M99" if number else "M17")
+    caller = HEAD[language].replace("O7", "O8") + f"T2\nT1 M6\nT2\n{POINT}{call}\nM30\n"
+    reason, _ = reason_of_called(language, f"part.{SUFFIX[language]}", caller, called)
+    if number or change != "/M6":  # Sinumerik's T loads at once here
+        assert (reason[0] == Reason.NONE) == once
+
+
+def test_a_program_is_called_behind_one_that_sets_or_shifts() -> None:
+    for before, reason in (("G55", Reason.INCOMPLETE), (f"{POINT}TRANS X5", Reason.UNKNOWN_FRAME)):
+        files = [
+            ("main.mpf", f"{HEAD['sinumerik']}{POINT}FIRST\nPART\nM30\n".encode()),
+            ("first.spf", f"{before} G90\n{POINT}M17\n".encode()),
+            ("part.spf", f"{POINT}M17\n".encode()),
+        ]
+        for order in (files, files[::-1]):
+            job = find_language("sinumerik").read_job(order, frames=TABLE)
+            part = next(each for each in job if each.name == "part.spf")
+            assert part.reason.tolist() == [reason]
+
+
+@pytest.mark.parametrize("end", ["M30", "M99"])
+def test_a_second_program_of_a_file_does_not_continue_the_first(end: str) -> None:
+    head = "G90 G17 G21 G40 G54\nG69\nT1\nG43.4 H1"
+    text = f"O1\n{head}\n{POINT}M98 P2\n{head}\n{POINT}{end}\nO2\n{head}\nG1 X5.\nM99\n"
+    bare = text.replace("O2\nG90 G17 G21 G40 G54\nG69\n", "O2\nG90 G17 G21 G40 G54\n")
+    (program,) = find_language("fanuc_gcode").read_job([("a.nc", bare.encode())], frames=TABLE)
+    assert program.reason.tolist() == [Reason.INCOMPLETE] * 3
+    assert np.isnan(program.position[2, 1:]).all()
+    stated = text.replace("G1 X5.\n", POINT)
+    (program,) = find_language("fanuc_gcode").read_job([("a.nc", stated.encode())], frames=TABLE)
+    assert program.reason.tolist() == [Reason.NONE] * 3
+
+
+def test_words_are_not_left_out_across_a_new_place_of_the_work_frame() -> None:
+    for language, new in (
+        ("sinumerik", "$P_UIFR[1]=CTRANS(X,10)"),
+        ("fanuc_gcode", "G10 L2 P1 X9."),
+    ):
+        text = f"{HEAD[language]}{POINT}{{}}\nG90 G54\nG1 Z5. A0. B0. C0.\nM30\n"
+        kept, moved = (
+            find_language(language).read_job([("a.nc", text.format(each).encode())], frames=TABLE)[
+                0
+            ]
+            for each in ("", new)
+        )
+        assert kept.reason[1] == Reason.NONE
+        assert moved.reason[1] != Reason.NONE
 
 
 def test_a_tool_behind_a_call_is_not_certain() -> None:

@@ -12,6 +12,7 @@ from path_samples import RULE, SAMPLES, TABLE, moved, read
 from robotrue.core.rotations import matrix_from_abc
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ShapeError
+from robotrue.program.formats.path_write import path_losses
 from robotrue.program.lang import find_language
 from robotrue.program.program import Motion, Program, Reason, Replacement
 
@@ -135,6 +136,24 @@ def test_a_bent_arc_goes_through_its_middle() -> None:
         find_language("fanuc_gcode").write(program, moved(program, np.array(shift) * 1e-6, STILL)),
     )
     np.testing.assert_allclose(again.position[1] / MM, [5.0, 5.1, 1.0], atol=1e-4)
+
+
+@pytest.mark.parametrize(("outwards", "radius"), [(100, "-5.00098"), (-100, "5.00102")])
+def test_half_a_circle_by_its_radius_takes_the_side_of_its_centre(
+    outwards: int, radius: str
+) -> None:
+    for given in ("R5.00000", "R-5.00000"):
+        program = fanuc(f"G0 X10. Y0. Z1. A0. B0. C0.\nG3 X20. Y0. {given}")
+        shift = [[0, 0, 0], [0, -outwards, 0], [0, 0, 0]]
+        assert written(program, shift)[1] == f"G3 X20. Y0. R{radius}"
+    assert not path_losses(program, moved(program, np.array(shift) * 1e-6, STILL))
+
+
+def test_digits_of_the_radius_of_half_a_circle_are_a_loss() -> None:
+    program = fanuc("G0 X10. Y0. Z1. A0. B0. C0.\nG3 X20. Y0. R5.")
+    shift = np.array([[0, 0, 0], [0, -40, 0], [0, 0, 0]]) * 1e-6
+    (loss,) = path_losses(program, moved(program, shift, STILL))
+    assert loss.worst == pytest.approx(40.0)  # R5.000 is half a circle
 
 
 def test_an_arc_whose_end_rises_is_a_helix() -> None:

@@ -8,7 +8,7 @@ stay keeps its words.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import IntEnum
 from typing import Final
 
@@ -19,6 +19,8 @@ from robotrue.program.formats.number_table import Numbers
 
 ACROSS: Final = np.array([[0, 1, 2], [2, 0, 1], [1, 2, 0]])
 """For G17, G18, G19 the axes of the plane, right-handed about the third."""
+_SAME_SIDE: Final = 1e-3
+"""Printed units that the middle of about half a circle may be off on either side of its chord."""
 _SMALL_CHORD: Final = 0.01
 """Chord over radius below which the middle of the arc determines its centre."""
 
@@ -126,7 +128,20 @@ def moved_words(arcs: PlaneArcs, old: Array, new: Array) -> Array:
     by_radius = ~by_centre
     sign = np.where(arcs.value[:, 0] < 0.0, -1.0, 1.0)
     out[by_radius, 0] += (sign * radius)[by_radius]
-    return out
+    return _choose_sides(replace(arcs, value=out), new).value
+
+
+def _choose_sides(arcs: PlaneArcs, points: Array) -> PlaneArcs:
+    """Changes the sign of radii where a correction has brought the centre across the chord."""
+    radius = (arcs.kind == Centre.RADIUS)[:, None] & np.array([True, False, False])
+    other = replace(arcs, value=np.where(radius, -arcs.value, arcs.value))
+    wanted = in_plane(arcs.plane, points[arcs.via])
+    here, across = (
+        np.hypot(*(in_plane(arcs.plane, middles(each, points)[0]) - wanted).T)
+        for each in (arcs, other)
+    )
+    better = (here > _SAME_SIDE) & (across < here)
+    return replace(arcs, value=np.where(better[:, None], other.value, arcs.value))
 
 
 def _step(arcs: PlaneArcs, old: Array, new: Array) -> Array:

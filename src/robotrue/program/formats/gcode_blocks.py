@@ -26,6 +26,7 @@ ALL: Final = tuple(range(WordColumn.R))
 POINT: Final = (0, 1, 2)
 _NUMBERED: Final = re.compile(rb"(?im)^[ \t/:]*N(\d{1,9})(?!\d)")
 _NEVER: Final = 2**31
+PROGRAM_NUMBER: Final = re.compile(rb"(?im)^[ \t]*O0*(\d{1,8})\b")
 _EVERY: Final = (*ALL, *range(WordColumn.J1, WordColumn.J6 + 1))
 _LARGEST: Final = 1e8
 """Of any number in a block; 100 km."""
@@ -237,12 +238,25 @@ def scan_blocks(
 
 
 def _enter_targets(data: bytes, first: IntArray, state: IntArray, found: Findings) -> None:
-    """Discards what is in force before blocks whose numbers are jumped to."""
-    if not found.targets:
-        return
-    for match in _NUMBERED.finditer(data):
-        if -1 in found.targets or int(match[1]) in found.targets:
-            row = int(np.searchsorted(first, match.start(1), side="right")) - 1
-            for group in np.flatnonzero(state[row] != NO_STATE).tolist():
-                found.state.setdefault((row, group), int(state[row, group]))
-            found.enter(row)
+    """Discards what is in force before blocks that are jumped to, or begin another program."""
+    places = [
+        match.start(1)
+        for match in (_NUMBERED.finditer(data) if found.targets else ())
+        if -1 in found.targets or int(match[1]) in found.targets
+    ]
+    entered = [int(row) - 1 for row in np.searchsorted(first, places, side="right")]
+    for row in sorted({*entered, *list_starts(data, first)}):
+        for group in np.flatnonzero(state[row] != NO_STATE).tolist():
+            found.state.setdefault((row, group), int(state[row, group]))
+        found.enter(row)
+
+
+def list_starts(data: bytes, first: IntArray) -> list[int]:
+    """Returns the blocks where programs behind the first one of a file begin.
+
+    Args:
+        data: The file.
+        first: (l,) first byte of every block.
+    """
+    places = [match.start() for match in PROGRAM_NUMBER.finditer(data)][1:]
+    return [int(row) - 1 for row in np.searchsorted(first, places, side="right")]

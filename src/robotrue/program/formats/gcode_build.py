@@ -12,9 +12,8 @@ from robotrue.core.arm_words import NO_WORD, WORDS
 from robotrue.core.arrays import BoolArray, IntArray
 from robotrue.program.formats.gcode_arc_rows import ArcRows, arc_rows
 from robotrue.program.formats.gcode_arcs import ACROSS
-from robotrue.program.formats.gcode_blocks import Blocks
+from robotrue.program.formats.gcode_blocks import Blocks, list_starts
 from robotrue.program.formats.gcode_frames import GcodeFrames
-from robotrue.program.formats.gcode_jobs import list_starts
 from robotrue.program.formats.gcode_kernels import NO_STATE
 from robotrue.program.formats.gcode_rows import find_rows
 from robotrue.program.formats.gcode_state import (
@@ -127,7 +126,7 @@ class ProgramBuilder:
             calls: Blocks that call programs of the job.
         """
         found, block = self.blocks.findings, self.rows.block
-        starts = list_starts(self.blocks)
+        starts = list_starts(self.blocks.data, self.blocks.first)
         inside = [each for each, _ in found.breaks] if starts else []
         behind = (each + 1 for each in (*found.jumps, *calls, *inside))
         seams = sorted({*found.entries, *starts, *behind})

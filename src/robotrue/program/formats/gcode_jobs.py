@@ -9,7 +9,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from robotrue.core.arrays import IntArray
-from robotrue.program.formats.gcode_blocks import Blocks
+from robotrue.program.formats.gcode_blocks import PROGRAM_NUMBER, Blocks, list_starts
 from robotrue.program.formats.gcode_kernels import NO_STATE
 from robotrue.program.formats.gcode_state import in_force, stated_column
 from robotrue.program.formats.gcode_vocabulary import NAMED, OPEN, UNCERTAIN, Modal
@@ -21,7 +21,12 @@ _FRAME: Final = re.compile(rb"\$P_UIFR\s*\[\s*(\d{0,3})", re.IGNORECASE)
 _NAMED: Final = re.compile(
     rb"(?im)^[ \t]*(?:0+[ \t]+)?(?:BEGIN[ \t]+PGM|PROC)[ \t]+([\w\-]+)|^%_N_(\w+?)_[MS]PF\b"
 )
-_NUMBER: Final = re.compile(rb"(?im)^[ \t]*O0*(\d{1,8})\b")
+_MACRO: Final = re.compile(rb"M1?98(?!\d)|G6[56](?!\d)", re.IGNORECASE)
+_REPEATED: Final = (
+    re.compile(rb"\bMCALL\b|[ \t]P[ \t]*=?[ \t]*[\w(]", re.IGNORECASE),
+    re.compile(rb"G66|L[ \t]*\d|P[ \t]*\d{5}", re.IGNORECASE),
+)
+"""In calls that run a program several times: by its name, and by ``_MACRO``."""
 
 
 def list_changed_offsets(files: Files) -> list[Mapping[tuple[str, str], str]]:
@@ -48,31 +53,41 @@ def list_offsets(line: bytes) -> list[tuple[str, str]]:
 
 
 class Call(NamedTuple):
-    """A block that may call a program: both by their place in the job; whether it is shifted."""
+    """A block that may call a program.
+
+    Attributes:
+        caller: Its place in the job.
+        block: In it.
+        moved: The coordinates may be shifted.
+        called: Place of the program.
+        repeats: It may run several times.
+    """
 
     caller: int
     block: int
     moved: bool
     called: int
+    repeats: bool = False
 
 
 def list_calls(files: Files, found: Sequence[Blocks]) -> list[Call]:
-    """Returns which programs of a job may call which others, or begin again moved."""
+    """Returns which programs of a job may call which others, or begin again (M99)."""
     patterns = [_pattern(*each) for each in files] if len(files) > 1 else []
     out = [
-        Call(k, block, moved or _moves_in_turns(blocks), each)
+        Call(k, block, moved or _moves_in_turns(blocks), each, _repeats(text))
         for k, blocks in enumerate(found)
         for block, moved in blocks.findings.breaks
+        for text in (blocks.data[int(blocks.first[block]) : int(blocks.end[block])],)
         for each, pattern in enumerate(patterns)
-        if each != k
-        and pattern.search(blocks.data, int(blocks.first[block]), int(blocks.end[block]))
+        if each != k and pattern.search(text)
     ]
     called = {call.called for call in out}
     return out + [
-        Call(k, block, moved, k)
+        Call(k, block, moved, k, repeats=True)
         for k, blocks in enumerate(found)
         for block, moved in blocks.findings.breaks
-        if moved and k not in called and block in blocks.findings.rounds
+        if k not in called and block in blocks.findings.rounds
+        if block < min(list_starts(blocks.data, blocks.first), default=block + 1)
     ]
 
 
@@ -81,10 +96,9 @@ def _moves_in_turns(blocks: Blocks) -> bool:
     return bool(blocks.findings.jumps) and blocks.findings.ever_moved
 
 
-def list_starts(blocks: Blocks) -> list[int]:
-    """Returns the blocks where programs behind the first one of a file begin."""
-    places = [match.start() for match in _NUMBER.finditer(blocks.data)][1:]
-    return [int(row) - 1 for row in np.searchsorted(blocks.first, places, side="right")]
+def _repeats(text: bytes) -> bool:
+    """Returns whether a block that calls a program may run it several times."""
+    return _REPEATED[_MACRO.search(text) is not None].search(text) is not None
 
 
 def list_groups(count: int, calls: Sequence[Call]) -> list[int]:
@@ -101,14 +115,26 @@ def list_shifted_calls(
 ) -> dict[int, str]:
     """Returns the programs that others call while coordinates are shifted, with a sentence each.
 
-    A program that is called by such a one is called so, too.
+    A program that is called by such a one is called so, too, and one that is called behind a
+    program that leaves them shifted.
     """
+    leaves = {
+        k for k, each in enumerate(found) if each.findings.moved or _moves_in_turns(each)
+    }  # fmt: skip
+    for _ in files:
+        leaves |= {call.caller for call in calls if call.called in leaves}
+    behind: dict[int, int] = {}
+    for call in calls:
+        if call.called in leaves:
+            first = 0 if found[call.caller].findings.jumps else call.block + (not call.repeats)
+            behind[call.caller] = min(first, behind.get(call.caller, first))
     out: dict[int, str] = {}
     count = -1
     while count != len(out):
         count = len(out)
         for call in calls:
-            if (call.moved or call.caller in out) and call.called not in out:
+            moved = call.moved or call.block >= behind.get(call.caller, call.block + 1)
+            if (moved or call.caller in out) and call.called not in out:
                 out[call.called] = (
                     f"{files[call.caller][0]} may call it in line "
                     f"{found[call.caller].line(call.block)} while the coordinates are moved, "
@@ -128,7 +154,7 @@ def settle_states(found: Sequence[Blocks], calls: Sequence[Call], *, every: bool
         calls: What they call.
         every: All are uncertain.
     """
-    called = {call.called for call in calls}
+    called = {call.called for call in calls if call.called != call.caller}
     lost = [every or _calls_others(blocks, k, calls) for k, blocks in enumerate(found)]
     for group in Modal:
         through = [
@@ -185,19 +211,23 @@ def carry_states(files: Files, found: Sequence[Blocks], calls: Sequence[Call]) -
     A state that differs between calls is uncertain there, and a sentence is added.
     """
     first = [blocks.state[0].copy() for blocks in found]
-    calls = [call for call in calls if call.caller != call.called]
     entered: dict[tuple[int, Modal], dict[int, Call]] = {}
+    programs = {call.caller for call in calls} | {call.called for call in calls if call.repeats}
     for _ in files:  # a called program may call others
         before, entered = entered, {}
-        force = {k: in_force(found[k]) for k in {call.caller for call in calls}}
+        force = {k: in_force(found[k]) for k in programs}
         for call in calls:
             for group in set(found[call.called].findings.groups) - {Modal.SHIFTED}:
                 if first[call.called][group] == NO_STATE:
-                    value = _state_at(found, force, calls, call, group)
+                    value = 0  # where it begins for the first time
+                    if call.caller != call.called:
+                        value = _state_at(found, first, force, calls, call, group)
                     values = entered.setdefault((call.called, group), {})
                     values.setdefault(
                         _rename(value, group, found[call.caller], found[call.called]), call
                     )
+                    for end in _list_ends(found, force, call, group):
+                        values.setdefault(end, call)
         for (k, group), values in entered.items():
             found[k].state[0, group] = next(iter(values)) if len(values) == 1 else UNCERTAIN
             changes = found[k].findings.changes
@@ -206,14 +236,15 @@ def carry_states(files: Files, found: Sequence[Blocks], calls: Sequence[Call]) -
         if entered == before:
             break
     apart = {k: tuple(values.values()) for (k, _), values in entered.items() if len(values) > 1}
-    for k, (one, other, *_) in apart.items():
-        lines = (f"{files[c.caller][0]}:{found[c.caller].line(c.block)}" for c in (one, other))
-        sentence = f"called in different modal states by {' and '.join(lines)}; state them here"
-        found[k].findings.told.append((0, sentence))
+    for k, some in apart.items():
+        lines = (f"{files[c.caller][0]}:{found[c.caller].line(c.block)}" for c in some[:2])
+        sentence = f"called in different modal states by {' and '.join(dict.fromkeys(lines))}"
+        found[k].findings.told.append((0, f"{sentence}; state them here"))
 
 
 def _state_at(
     found: Sequence[Blocks],
+    first: Sequence[IntArray],
     force: Mapping[int, IntArray],
     calls: Sequence[Call],
     call: Call,
@@ -239,9 +270,21 @@ def _state_at(
     for each in calls:
         if each.caller == k and (jumps or since <= each.block < call.block):
             theirs = found[each.called]
-            ends = _list_certain(theirs, group, slice(1, None), bool(theirs.findings.jumps))
+            own = int(first[each.called][group] == NO_STATE)  # else what it begins with
+            ends = _list_certain(theirs, group, slice(own, None), bool(theirs.findings.jumps))
             values |= {_rename(value, group, theirs, blocks) for _, value in ends}
     return values.pop() if len(values) == 1 else UNCERTAIN
+
+
+def _list_ends(
+    found: Sequence[Blocks], force: Mapping[int, IntArray], call: Call, group: Modal
+) -> list[int]:
+    """Returns what a program that a call runs again may leave a state at that it begins with."""
+    if not call.repeats:
+        return []
+    theirs, last = found[call.called], int(force[call.called][-1, group])
+    stated = _list_certain(theirs, group, slice(1, None), bool(theirs.findings.jumps))
+    return [value for _, value in stated] + [last] * (last == UNCERTAIN)
 
 
 def _list_certain(blocks: Blocks, group: Modal, part: slice, every: bool) -> list[tuple[int, int]]:
@@ -268,6 +311,6 @@ def _pattern(name: str, data: bytes) -> re.Pattern[bytes]:
     head = data[:4096]
     names |= {re.escape(match[1] or match[2]) for match in _NAMED.finditer(head)}
     words = [rb"\b" + each + rb"\b" for each in names]
-    for match in _NUMBER.finditer(head):
+    for match in PROGRAM_NUMBER.finditer(head):
         words += [rb"\b[PO]0*%b\b" % match[1], rb"\bP\d{1,4}%b\b" % match[1].zfill(4)]
     return re.compile(b"|".join(words) or rb"(?!)", re.IGNORECASE)

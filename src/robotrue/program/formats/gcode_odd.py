@@ -110,24 +110,27 @@ class OddReader:
 
     def _skippable(self, block: int, first: int, text: bytes, lead: int) -> None:
         """Marks what ``/`` blocks set as uncertain: a switch decides whether they run."""
-        rest = lead + 1 + (text[lead + 1 : lead + 2].isdigit() and 1)
-        inner = Findings(names=self.found.names, groups=self.found.groups)
-        reader = OddReader(self._words, inner)
-        _Block(reader, block, first, text, rest).read()
-        self.found.words += inner.words
-        self.found.flag(block, Reason.INCOMPLETE)
-        self.found.told.append((first, "a block with / may be skipped"))
-        self.found.silent |= inner.silent
-        columns = {word[1] for word in inner.words} | set(inner.lost.get(block, ()))
+        found, rest = self.found, lead + 1 + (text[lead + 1 : lead + 2].isdigit() and 1)
+        shifts, moved, changes = dict(found.shifts), set(found.moved), len(found.changes)
+        words, breaks = len(found.words), len(found.breaks)
+        found.flag(block, Reason.INCOMPLETE)
+        found.told.append((first, "a block with / may be skipped"))
+        _Block(self, block, first, text, rest).read()
+        columns = {word[1] for word in found.words[words:]} | set(found.lost.get(block, ()))
         if columns.intersection(ALL[len(POINT) :]):  # an orientation is known as a whole
             columns.update(ALL[len(POINT) :])
-        self.found.forget(block, tuple(columns))
-        if inner.shifts:
-            self.found.shifts["skipped"] = True
-            self.found.moved.add("skipped")
-            self.found.ever_moved = True
-        for _, group in inner.state:
-            self.found.state[block, group] = UNCERTAIN
+        found.forget(block, tuple(columns))
+        if len(found.breaks) > breaks:
+            found.moved |= moved
+        elif (found.shifts, found.moved) != (shifts, moved):
+            found.shifts, found.moved = shifts | {"skipped": True}, moved | {"skipped"}
+            found.begun.add("skipped")
+            found.ever_moved = True
+        if len(found.changes) > changes:
+            found.set(block, Modal.TOOL, UNCERTAIN)
+        for group in Modal:
+            if (block, group) in found.state:
+                found.state[block, group] = UNCERTAIN
 
 
 class _Block:

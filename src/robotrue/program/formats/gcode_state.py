@@ -58,6 +58,10 @@ class Epochs:
     def __init__(self, blocks: Blocks, force: IntArray) -> None:
         self._lost = blocks.findings.lost
         anew = force[1:, _ANEW] != force[:-1, _ANEW]
+        made = [block for block, *_ in blocks.findings.frames]
+        if made:  # a work frame is elsewhere from its next call on
+            stated = np.flatnonzero(blocks.state[:, Modal.FRAME] != NO_STATE)
+            anew[stated[stated > made[0]] - 1, _ANEW.index(Modal.FRAME)] = True
         self._anew = np.pad(anew.any(axis=1).astype(np.int64), 1)
         local = [block - 1 for block, *_ in blocks.findings.local if block]
         anew[local, _ANEW.index(Modal.FRAME)] = False  # a local zero turns nothing

@@ -51,8 +51,8 @@ _ARC_NAMES: Final = (b"I", b"J", b"K")
 _SLIGHT: Final = 0.5 * UM
 _SLIGHT_TURN: Final = 1e-4 * DEG
 _IN_PLANE: Final = (
-    "{count} arcs stay in their plane: in the middle they deviate by up to {worst:.1f} um "
-    "(line {line})."
+    "{count} arcs stay in their plane, and keep the digits of their radius: in the middle they "
+    "deviate by up to {worst:.1f} um (line {line})."
 )
 _LEVEL: Final = (
     "{count} arcs end at the height they begin at: there they deviate by up to {worst:.1f} um "
@@ -334,8 +334,14 @@ def arc_deviation(
         return np.empty(0, np.int64), np.empty(0)
     old = words.value[:, :3]
     new = np.where(changed[:, None], replacement.position / words.unit[:, None], old)
-    written = replace(arcs, value=moved_words(arcs, old, new))
-    middle, _ = middles(written, new)
+    wanted = moved_words(arcs, old, new)
+    shown = decimals_of(
+        np.frombuffer(program.data, np.uint8), arcs.numbers.start, arcs.numbers.length
+    )
+    scale = 10.0 ** np.maximum(shown, _MILLIMETRES[1])
+    radius = (arcs.kind == Centre.RADIUS)[:, None]
+    written = np.where(radius, np.round(wanted * scale) / scale, wanted)
+    middle, _ = middles(replace(arcs, value=written), new)
     mine = changed[arcs.via]
     off = np.linalg.norm(middle - new[arcs.via], axis=1) * words.unit[arcs.via]
     return arcs.via[mine], off[mine]
