@@ -129,7 +129,8 @@ class FanucGcodeFlowWriter(GcodeFlowWriter):
             offset = pen.pick("L2 P1", "L2 P2", "L20 P1", "L2 P3")
             return [f"G10 {offset} {self.point()}", pen.pick(self.frame(), "G54"), self.next()]
         if kind == 1 and self.subs:
-            return [f"G66 P{self.subs[-1]} A2.5", self.full(), self.some(), "G67", self.next()]
+            inside = [self.full(), *self.between(), self.some()]
+            return [f"G66 P{self.subs[-1]} A2.5", *inside, "G67", self.next()]
         if kind == 2:
             return ["G4 X1.5", self.some()]
         if kind == 3 and self.turn != "none":

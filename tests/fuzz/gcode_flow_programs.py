@@ -225,6 +225,12 @@ class GcodeFlowWriter:
             blocks += [self.call()[1]] * 2 if self.subs and main else []
         return pen.pick(*blocks)
 
+    def between(self) -> list[str]:
+        """What changes between points behind which a program runs, if anything."""
+        if self.pen.chance(0.6):
+            return []
+        return [self.pen.pick(self.frame(), self.local()[0], self.tool()[0], "G0"), self.full()]
+
     def jump(self, text: str) -> str:
         """A jump, now and then one that a switch skips."""
         return f"/{text}" if self.pen.chance(0.15) else text

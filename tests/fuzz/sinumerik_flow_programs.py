@@ -102,7 +102,7 @@ class SinumerikFlowWriter(GcodeFlowWriter):
         what = pen.pick(
             f"CYCLE81{numbers}", f"@{self.subs[-1]}" if self.subs else f"CYCLE81{numbers}"
         )
-        return [f"MCALL {what}", *holes, "MCALL", after]
+        return [f"MCALL {what}", *self.between(), *holes, "MCALL", after]
 
     def variable(self) -> list[str]:
         """Computed coordinates."""
