@@ -17,7 +17,8 @@ from robotrue.errors import FormatError
 from robotrue.program.formats.shared_fate import share_fate
 from robotrue.program.formats.target_notes import TargetNotes, absent_routine
 from robotrue.program.formats.target_tokens import POSE, TargetTokens, values_of
-from robotrue.program.formats.val3_code import CodeUse, Reference, Val3Move, read_code
+from robotrue.program.formats.val3_calls import Reference, Val3Move
+from robotrue.program.formats.val3_code import CodeUse, read_code
 from robotrue.program.formats.val3_files import FrameValue, Val3File, read_val3_file
 from robotrue.program.formats.val3_numbers import POSE_NAMES, find_point_numbers
 from robotrue.program.program import FrameTable, Motion, Program, Reason
