@@ -21,6 +21,8 @@ html_title = "robotrue"
 exclude_patterns = ["_build"]
 autodoc_typehints = "none"
 autodoc_member_order = "bysource"
+# Every page copies the contents of all pages: with each name of the API it takes a second more.
+toc_object_entries = False
 napoleon_google_docstring = True
 napoleon_custom_sections = ["Fails when"]
 nitpicky = False
