@@ -118,9 +118,7 @@ def list_shifted_calls(
     A program that is called by such a one is called so, too, and one that is called behind a
     program that leaves them shifted.
     """
-    leaves = {
-        k for k, each in enumerate(found) if each.findings.moved or _moves_in_turns(each)
-    }  # fmt: skip
+    leaves = {k for k, each in enumerate(found) if each.findings.moved or _moves_in_turns(each)}
     for _ in files:
         leaves |= {call.caller for call in calls if call.called in leaves}
     behind: dict[int, int] = {}
