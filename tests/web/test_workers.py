@@ -15,6 +15,7 @@ from robotrue.app.job_kinds import job_kinds
 from robotrue.errors import RobotrueError
 from robotrue.store import jobs
 from robotrue.store.workspace import Workspace
+from robotrue.web import job_process
 from robotrue.web.job_process import JobProcess
 from robotrue.web.workers import GRACE, KEPT, MOST, Answers, QueryWorkers, _Refusal
 
@@ -36,6 +37,53 @@ def test_an_answer_survives_the_death_of_its_process(
         asyncio.run(asyncio.wait_for(story(), 60.0))
     finally:
         workers.stop()
+
+
+class Context:
+    """Starts no process; the first attempts find that what starts them was killed."""
+
+    faults: tuple[Exception, ...] = (EOFError("unexpected EOF"), ConnectionRefusedError())
+
+    def __init__(self) -> None:
+        self.started = 0
+
+    def Process(self, **_: object) -> Context:
+        return self
+
+    def start(self) -> None:
+        self.started += 1
+        for fault in self.faults[self.started - 1 : self.started]:
+            raise fault
+
+    def is_alive(self) -> bool:
+        return self.started > len(self.faults)
+
+    def kill(self) -> None:
+        """Nothing runs."""
+
+    def join(self, _: float) -> None:
+        """Nothing runs."""
+
+
+def test_jobs_go_on_after_what_starts_their_process_was_killed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    context = Context()
+    monkeypatch.setattr(job_process, "child_context", lambda: context)
+    monkeypatch.setattr(job_process, "LOOK", 0.01)
+
+    async def story() -> None:
+        with Workspace.create(tmp_path / "shop") as workspace:
+            jobs.submit(workspace, "slow", {})
+            watch = asyncio.create_task(JobProcess(workspace, {"slow": "none:none"}).watch())
+            while not context.is_alive() and not watch.done():
+                await asyncio.sleep(0.01)
+            watch.cancel()
+            with pytest.raises(asyncio.CancelledError):
+                await watch
+
+    asyncio.run(asyncio.wait_for(story(), 60.0))
+    assert context.started == len(context.faults) + 1
 
 
 BLOCKING = """

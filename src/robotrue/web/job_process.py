@@ -79,9 +79,12 @@ class JobProcess:
 
     def _start(self) -> None:
         where = (str(self._workspace.folder), self._workspace.url, dict(self._kinds))
-        self._process = child_context().Process(target=_work, args=where)  # type: ignore[attr-defined]
-        self._process.start()
-        self._orphans = False
+        process = child_context().Process(target=_work, args=where)  # type: ignore[attr-defined]
+        try:
+            process.start()
+        except (EOFError, OSError):  # what starts processes was just killed: the next look retries
+            return
+        self._process, self._orphans = process, False
 
 
 def _work(folder: str, url: str | None, kinds: dict[str, str]) -> None:
