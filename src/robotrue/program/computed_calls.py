@@ -14,7 +14,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from robotrue.program.correction_krl import TYPES
-from robotrue.program.formats.text_lines import split_arguments
+from robotrue.program.formats.text_lines import split_outside
 from robotrue.program.program import Motion, Program, Reason
 
 COMPUTED: Final = (Reason.EXPRESSION, Reason.RELATIVE)
@@ -194,7 +194,7 @@ def _type_of(target: str, types: dict[str, str]) -> str:
 
 def _rapid_moves(text: str, name: str) -> Iterator[_Move]:
     for match in _RAPID_MOVE.finditer(text):
-        arguments = split_arguments(match["arguments"])
+        arguments = split_outside(match["arguments"], ",")
         target = arguments[0].strip()
         if target.startswith("[") or target.lower().startswith(f"{name}(".lower()):
             continue
@@ -202,7 +202,7 @@ def _rapid_moves(text: str, name: str) -> Iterator[_Move]:
         stated = {part[0].strip().lower(): part[1].strip() for part in optional if len(part) == 2}
         tool = arguments[-1].split("\\")[0].strip()
         start = match.start("arguments") + match["arguments"].index(target)
-        target = target.split("\\")[0].rstrip() if _top_level(target, "\\") else target
+        target = target.split("\\")[0].rstrip() if len(split_outside(target, "\\")) > 1 else target
         frame = f"\\WObj:={stated['wobj']}" if "wobj" in stated else "\\WObj:=wobj0"
         named = len(arguments) >= 4 and _NAME.fullmatch(tool)
         call = f"{name}({target}{frame}\\Tool:={tool})" if named else ""
@@ -213,13 +213,3 @@ def _rapid_moves(text: str, name: str) -> Iterator[_Move]:
             )
         span = (start, start + len(target))
         yield _Move((match.start("motion"), match.end()), span, call, why)
-
-
-def _top_level(text: str, sign: str) -> bool:
-    """Whether a sign is outside of brackets."""
-    depth = 0
-    for letter in text:
-        depth += (letter in "([{") - (letter in ")]}")
-        if letter == sign and depth == 0:
-            return True
-    return False

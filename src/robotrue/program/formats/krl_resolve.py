@@ -35,6 +35,7 @@ from robotrue.program.formats.krl_scan import COMPONENTS
 from robotrue.program.formats.krl_values import NO_VALUE, Arguments, KrlCall
 from robotrue.program.formats.krl_walk import COLUMN, KrlWalk
 from robotrue.program.formats.krl_written import Written, put_written
+from robotrue.program.formats.text_lines import split_outside
 from robotrue.program.program import Motion, Reason
 
 _NUMBERED: Final = re.compile(r"\s*(BASE|TOOL)_DATA\s*\[(.*)\]\s*", re.IGNORECASE)
@@ -150,7 +151,7 @@ class _Resolver:
     def _chain(self, each: DeferredFrame, arguments: Arguments | None) -> int:
         """Returns the index of frames joined by ``:``, numbered frames among them."""
         total = np.eye(4)
-        for number, part in enumerate(_split_chain(each.text)):
+        for number, part in enumerate(split_outside(each.text, ":")):
             match = _NUMBERED.fullmatch(part)
             if match:
                 value = self.values.value(match[2], each.line, arguments)
@@ -404,14 +405,3 @@ def _whole(value: KrlValue) -> KrlRecord:
 
 
 _KNOWN: Final = {component.lower() for component in COMPONENTS}
-
-
-def _split_chain(text: str) -> list[str]:
-    """Returns the parts between the ``:`` outside of brackets."""
-    depth, parts, begin = 0, [], 0
-    for at, sign in enumerate(text):
-        depth += (sign in "({[") - (sign in ")}]")
-        if sign == ":" and depth == 0:
-            parts.append(text[begin:at])
-            begin = at + 1
-    return [*parts, text[begin:]]

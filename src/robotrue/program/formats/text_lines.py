@@ -60,12 +60,12 @@ def line_edges(data: bytes) -> IntArray:
     return np.append(starts[starts < len(data)], len(data))
 
 
-def split_arguments(text: str) -> list[str]:
-    """Returns the texts between the commas outside of brackets."""
+def split_outside(text: str, sign: str) -> list[str]:
+    """Returns the texts between the signs outside of brackets."""
     depth, start, out = 0, 0, []
     for at, letter in enumerate(text):
         depth += (letter in "([{") - (letter in ")]}")
-        if letter == "," and depth == 0:
+        if letter == sign and depth == 0:
             out.append(text[start:at])
             start = at + 1
     return [*out, text[start:]]

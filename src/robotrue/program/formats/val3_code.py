@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 from operator import itemgetter
 from typing import Final, NamedTuple
 
-from robotrue.program.formats.text_lines import split_arguments
+from robotrue.program.formats.text_lines import split_outside
 from robotrue.program.formats.val3_calls import CallTree, Reference, Step, Val3Call, Val3Move
 from robotrue.program.formats.val3_files import Val3Routine
 from robotrue.program.program import Motion
@@ -99,7 +99,7 @@ def _read_routine(routine: Val3Routine, use: CodeUse, names: _Names, tree: CallT
     pieces, last = list[str](), 0
     for match, line in _find_lines(_CALLED, rest, routine.line):
         called = tree.routines.get(match[1])
-        arguments = split_arguments(match[2]) if match[2].strip() else []
+        arguments = split_outside(match[2], ",") if match[2].strip() else []
         if called is not None and len(called.parameters) == len(arguments):
             given = names.pass_on(routine, called, arguments)
             others.append((match.start(), Val3Call(called.number, given, routine.file, line)))
